@@ -1,0 +1,31 @@
+# One command each; every target does all set-up first (and none when it is done already).
+#   make run ARGS="terrain --size 256 256"      make test ARGS="-k footprint"
+ARGS ?=
+BIN := .venv/bin
+
+.DEFAULT_GOAL := run
+.PHONY: setup run test lint types bench lock
+
+setup:
+	@scripts/setup
+
+run: setup
+	@$(BIN)/asmjax run $(ARGS)
+
+test: setup
+	@$(BIN)/python -m pytest -n auto --dist loadfile -q $(ARGS)
+
+lint: setup
+	@$(BIN)/ruff check .
+	@$(BIN)/ruff format --check .
+
+types: setup
+	@$(BIN)/pyright $(ARGS)
+
+bench: setup
+	@$(BIN)/python -m pytest --benchmark-only --benchmark-warmup=on -q $(ARGS)
+
+# A requirements file names versions only; uv.lock would name the registry of whoever made it.
+lock: setup
+	@$(BIN)/uv pip compile pyproject.toml --universal --no-header --no-annotate \
+	    --group test --group dev --system-certs -q -o requirements.lock

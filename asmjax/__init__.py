@@ -1,0 +1,65 @@
+"""asmjax: shadow-map accuracy, measured.
+
+Where does a shadow map alias, what would each eye pixel need, and what does accuracy cost?
+Mitsuba 3 renders eye and light buffers; JAX computes the rest. Start with::
+
+    import asmjax
+    scene = asmjax.load_scene("paper_room")
+    eye = scene.eye(scene.view("closeup"))
+    frame = scene.light_frame(eye)
+    asm = asmjax.AdaptiveShadowMap()
+    state = asm.build(eye, frame, scene.light_rays())
+    lit = asm.visibility(state, eye.points)
+"""
+
+import importlib
+from typing import TYPE_CHECKING
+
+__version__ = "0.1.0"
+
+if TYPE_CHECKING:
+    from asmjax.errors import UseError
+    from asmjax.main_job import measure_scene, run_main_job
+    from asmjax.options import RunOptions
+    from asmjax.render.load import Scene, load_scene
+    from asmjax.scene import list_scenes
+    from asmjax.shadow import AdaptiveShadowMap, ShadowAlgorithm, Status, UniformShadowMap
+
+_HOME = {
+    "AdaptiveShadowMap": "asmjax.shadow",
+    "RunOptions": "asmjax.options",
+    "Scene": "asmjax.render.load",
+    "ShadowAlgorithm": "asmjax.shadow",
+    "Status": "asmjax.shadow",
+    "UniformShadowMap": "asmjax.shadow",
+    "UseError": "asmjax.errors",
+    "list_scenes": "asmjax.scene",
+    "load_scene": "asmjax.render.load",
+    "measure_scene": "asmjax.main_job",
+    "run_main_job": "asmjax.main_job",
+}
+
+__all__ = [
+    "AdaptiveShadowMap",
+    "RunOptions",
+    "Scene",
+    "ShadowAlgorithm",
+    "Status",
+    "UniformShadowMap",
+    "UseError",
+    "list_scenes",
+    "load_scene",
+    "measure_scene",
+    "run_main_job",
+]
+
+
+def __getattr__(name: str):
+    # Names are loaded when they are used: `asmjax --help` must load neither JAX nor Mitsuba.
+    if name not in _HOME:
+        raise AttributeError(f"module 'asmjax' has no attribute '{name}'")
+    return getattr(importlib.import_module(_HOME[name]), name)
+
+
+def __dir__():
+    return sorted([*globals(), *_HOME])

@@ -1,0 +1,7 @@
+"""`python -m asmjax` is the `asmjax` command."""
+
+import sys
+
+from asmjax.cli import main
+
+sys.exit(main())

@@ -1,0 +1,91 @@
+"""Surface points: what the eye sees, as the kernels take it."""
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+
+from asmjax.geometry import Camera
+
+
+class SurfacePoints(eqx.Module):
+    """Points on surfaces, relative to `origin` so that float32 keeps the digits that matter.
+
+    Attributes:
+        position: (3, n) world axes, scene units, minus `origin`.
+        normal: (3, n) unit geometric normals on the eye's side; 0 where not valid.
+        prim: (n,) global primitive id, -1 where not valid.
+        valid: (n,) whether the eye sees a surface there.
+        origin: (3,) float64, world.
+    """
+
+    position: Float[Array, "3 n"]
+    normal: Float[Array, "3 n"]
+    prim: Int[Array, " n"]
+    valid: Bool[Array, " n"]
+    origin: np.ndarray
+
+    @property
+    def count(self) -> int:
+        return self.prim.shape[0]
+
+
+class EyeBuffer(eqx.Module):
+    """The eye's image, flat, row by row from the top; `n = width * height`.
+
+    Attributes:
+        camera: the camera that saw it.
+        points: the surface points on the device, in the default float dtype of JAX.
+        world: (3, n) float64 world positions on the host, NaN where not valid.
+        normal: (3, n) float64 normals on the host, 0 where not valid.
+        depth: (n,) float64 axial depth on the host, +inf where not valid.
+        shape: (n,) int32 dense shape id in scene order, -1 where not valid.
+        albedo: (3, n) float32 diffuse reflectance, 0 where not valid.
+    """
+
+    camera: Camera
+    points: SurfacePoints
+    world: np.ndarray
+    normal: np.ndarray
+    depth: np.ndarray
+    shape: np.ndarray
+    albedo: np.ndarray
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """(height, width), the shape of the images."""
+        return self.camera.height, self.camera.width
+
+    @property
+    def valid(self) -> np.ndarray:
+        """(n,) bool on the host."""
+        return self.shape >= 0
+
+
+def eye_buffer(
+    camera: Camera,
+    world: np.ndarray,
+    normal: np.ndarray,
+    depth: np.ndarray,
+    prim: np.ndarray,
+    shape: np.ndarray,
+    albedo: np.ndarray,
+) -> EyeBuffer:
+    """An `EyeBuffer` from float64 host arrays; positions become relative before any rounding."""
+    valid = shape >= 0
+    relative = np.where(valid, world - camera.origin[:, None], 0.0)
+    return EyeBuffer(
+        camera=camera,
+        points=SurfacePoints(
+            position=jnp.asarray(relative, float),
+            normal=jnp.asarray(np.where(valid, normal, 0.0), float),
+            prim=jnp.asarray(prim, jnp.int32),
+            valid=jnp.asarray(valid),
+            origin=camera.origin,
+        ),
+        world=world,
+        normal=normal,
+        depth=depth,
+        shape=shape,
+        albedo=albedo,
+    )

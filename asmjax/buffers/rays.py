@@ -1,0 +1,92 @@
+"""Light rays: the one interface between shadow algorithms and whatever casts rays."""
+
+import abc
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from asmjax.geometry import LightFrame
+
+
+class TexelWindows(eqx.Module):
+    """Square windows of texels in a light's image, all of one size, cast in one launch.
+
+    Texel (row, column) of window k is centred at `corner[:, k] + (column + 0.5, row + 0.5) *
+    texel[:, k]` in image coordinates u, v of face `face[k]`; it may lie outside [0, 1].
+
+    Attributes:
+        face: (k,) int.
+        corner: (2, k) float64, u and v of the window's corner.
+        texel: (2, k) float64, size of a texel in u and v.
+        side: texels per side.
+    """
+
+    face: np.ndarray
+    corner: np.ndarray
+    texel: np.ndarray
+    side: int = eqx.field(static=True)
+
+    @property
+    def count(self) -> int:
+        return self.face.shape[0]
+
+    @property
+    def texels(self) -> int:
+        return self.count * self.side**2
+
+    def plane(self, frame: LightFrame) -> tuple[np.ndarray, np.ndarray]:
+        """Plane coordinates (2, k) float64 of the first texel's centre, and of one texel."""
+        corner, extent = frame.corner[self.face].T, frame.extent[self.face].T
+        return corner + (self.corner + 0.5 * self.texel) * extent, self.texel * extent
+
+
+class LightBuffer(eqx.Module):
+    """Depth and primitive of the first surface behind each texel of some windows.
+
+    Attributes:
+        depth: (k, side, side) float32 axial depth in scene units, +inf where nothing is hit.
+        prim: (k, side, side) int32 global primitive id, -1 where nothing is hit.
+    """
+
+    depth: Float[Array, "k side side"]
+    prim: Int[Array, "k side side"]
+
+
+def whole_image(frame: LightFrame, resolution: int) -> TexelWindows:
+    """One window per face that covers the face with `resolution` texels a side."""
+    return TexelWindows(
+        face=np.arange(frame.faces),
+        corner=np.zeros((2, frame.faces)),
+        texel=np.full((2, frame.faces), 1.0 / resolution),
+        side=resolution,
+    )
+
+
+class LightRays(abc.ABC):
+    """Casts rays for shadow algorithms. Implementations count what they cast."""
+
+    @abc.abstractmethod
+    def closest(
+        self, origins: np.ndarray, directions: np.ndarray, t_min: float = 0.0
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """First hits of world rays (3, n): parameter t, +inf for a miss, and primitive, (n,) each."""
+
+    @abc.abstractmethod
+    def occluded(self, origins: np.ndarray, directions: np.ndarray, t_max: float) -> np.ndarray:
+        """Whether anything is hit before `t_max` by world rays (3, n): (n,) bool."""
+
+    def light_buffer(self, frame: LightFrame, windows: TexelWindows) -> LightBuffer:
+        """Depth and primitive at every texel centre of `windows`, through `closest`."""
+        side = windows.side
+        at = np.arange(side) + 0.5
+        depth = np.empty((windows.count, side, side), np.float32)
+        prim = np.empty((windows.count, side, side), np.int32)
+        for k, face in enumerate(windows.face):
+            u = windows.corner[0, k] + at * windows.texel[0, k]
+            v = windows.corner[1, k] + at * windows.texel[1, k]
+            origins, directions = frame.ray(face, np.tile(u, side), np.repeat(v, side))
+            t, hit = self.closest(origins, directions)
+            depth[k], prim[k] = t.reshape(side, side), hit.reshape(side, side)
+        return LightBuffer(jnp.asarray(depth), jnp.asarray(prim))

@@ -1,0 +1,75 @@
+"""The `asmjax` command: a table of subcommands, and one way to end for each kind of trouble.
+
+Exit codes: 0 success; 2 wrong use or bad input, told in one line on stderr; 130 interrupted.
+Anything else that goes wrong is a bug and keeps its traceback. A command's code is imported when
+it runs, so `asmjax --help` loads neither JAX nor Mitsuba.
+"""
+
+import dataclasses
+import importlib
+import logging
+import os
+import sys
+
+from asmjax.errors import UseError
+
+
+@dataclasses.dataclass(frozen=True)
+class Command:
+    """One subcommand: `options` and `action` are "module:name", imported when needed.
+
+    `action` takes the options object; what it returns is ignored.
+    """
+
+    summary: str
+    options: str
+    action: str
+
+
+COMMANDS = {
+    "run": Command(
+        "The main job: adaptive and uniform shadow maps of the same memory against ray-traced "
+        "truth; maps of footprints, figures, a table and report.json.",
+        "asmjax.options:RunOptions",
+        "asmjax.cli.run:run",
+    ),
+    "scenes": Command(
+        "The built-in scenes, with their views and lights.",
+        "asmjax.options:ScenesOptions",
+        "asmjax.cli.scenes:print_scenes",
+    ),
+    "info": Command(
+        "Versions, renderer variant, LLVM and how to repair it, devices, caches.",
+        "asmjax.options:InfoOptions",
+        "asmjax.cli.info:print_info",
+    ),
+}
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command line `arguments` (without the program name) and return the exit code."""
+    arguments = sys.argv[1:] if arguments is None else arguments
+    logging.basicConfig(format="%(name)s: %(levelname)s: %(message)s", level=logging.WARNING)
+    try:
+        from asmjax.cli.parse import parse
+
+        name, options = parse(arguments, COMMANDS)
+        load(COMMANDS[name].action)(options)
+        sys.stdout.flush()
+    except UseError as problem:
+        print(f"asmjax: error: {' '.join(str(problem).split())}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("asmjax: interrupted", file=sys.stderr)
+        return 130
+    except BrokenPipeError:
+        # The reader left, as `| head` does; Python would complain again when it flushes at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    return 0
+
+
+def load(reference: str):
+    """The object that "module:name" refers to."""
+    module, _, name = reference.partition(":")
+    return getattr(importlib.import_module(module), name)

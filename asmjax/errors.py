@@ -1,0 +1,23 @@
+"""The two kinds of error: wrong use raises, trouble at run time is a status in the result."""
+
+import difflib
+from collections.abc import Iterable
+
+
+class UseError(ValueError):
+    """Wrong use: one line that says what is wrong, what is allowed, and what to do."""
+
+
+def unknown_name(kind: str, got: str, allowed: Iterable[str], remedy: str = "") -> UseError:
+    """A `UseError` for a name that is not in a list, with the nearest allowed name suggested."""
+    names = sorted(allowed)
+    near = difflib.get_close_matches(got, names, n=1)
+    hint = f" Did you mean '{near[0]}'?" if near else ""
+    known = ", ".join(names) if names else "none here"
+    return UseError(f"unknown {kind} '{got}'; known: {known}.{hint} {remedy}".rstrip())
+
+
+def require(condition: bool, message: str) -> None:
+    """Raise `UseError(message)` unless `condition` holds."""
+    if not condition:
+        raise UseError(message)

@@ -1,0 +1,41 @@
+"""Footprints: the sizes of pixels and texels on a surface, and what follows from them."""
+
+from asmjax.footprint.area import orthographic_area, perspective_area
+from asmjax.footprint.benefit import cell_benefit, cell_index, cell_worst
+from asmjax.footprint.edges import straddles_discontinuity
+from asmjax.footprint.jacobian import (
+    determinant,
+    singular_values,
+    surface_tangents,
+    uv_jacobian,
+)
+from asmjax.footprint.ratio import (
+    LOG2_WORST,
+    area_ratio,
+    linear_ratio,
+    log2_linear_ratio,
+    log2_m,
+    m,
+)
+from asmjax.footprint.required import n_required, required_level
+
+__all__ = [
+    "LOG2_WORST",
+    "area_ratio",
+    "cell_benefit",
+    "cell_index",
+    "cell_worst",
+    "determinant",
+    "linear_ratio",
+    "log2_linear_ratio",
+    "log2_m",
+    "m",
+    "n_required",
+    "orthographic_area",
+    "perspective_area",
+    "required_level",
+    "singular_values",
+    "straddles_discontinuity",
+    "surface_tangents",
+    "uv_jacobian",
+]

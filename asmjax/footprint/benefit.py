@@ -1,0 +1,29 @@
+"""Benefit: how many eye pixels a finer map of a light-space cell would help."""
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int
+
+
+def cell_index(uv: Float[Array, "2 n"], face: Int[Array, " n"], cells: int) -> Int[Array, " n"]:
+    """Flat index of each receiver's cell in a grid of `cells` x `cells` per face."""
+    column, row = (jnp.clip((x * cells).astype(jnp.int32), 0, cells - 1) for x in uv)
+    return (face * cells + row) * cells + column
+
+
+def cell_benefit(
+    index: Int[Array, " n"], counted: Bool[Array, " n"], cells_in_all: int
+) -> Float[Array, " cells"]:
+    """Pixels of each cell that straddle a discontinuity and are mismatched (`counted`).
+
+    Fernando et al. 2001, 3.1: "the number of transformed eye pixels within the cell that straddle
+    a depth discontinuity and whose shadow map resolution is lower than the eye view resolution".
+    """
+    return jax.ops.segment_sum(counted.astype(jnp.float32), index, cells_in_all)
+
+
+def cell_worst(
+    index: Int[Array, " n"], counted: Bool[Array, " n"], ratio, cells_in_all: int
+) -> Float[Array, " cells"]:
+    """Largest ratio over the counted pixels of each cell; 0 for a cell that has none."""
+    return jax.ops.segment_max(jnp.where(counted, ratio, 0), index, cells_in_all).clip(0)

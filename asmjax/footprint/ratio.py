@@ -1,0 +1,51 @@
+"""How large a shadow texel is beside an eye pixel, on the receiver.
+
+All are functions of the `(2, 2, n)` Jacobian of `uv_jacobian` and the number of texels per side
+of the light's image. Above 1 the map is too coarse. Logarithms first: area ratios span many
+decades, and a grazing light or eye must not overflow (hard_shadows reference 4, rows 2 and 3).
+"""
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from asmjax.footprint.jacobian import determinant, singular_values
+from asmjax.numerics import safe_log2
+
+LOG2_WORST = 60.0
+"""log2 of the linear ratio that stands for "no resolution is enough": a light edge-on."""
+
+
+def log2_linear_ratio(jacobian: Float[Array, "2 2 n"], resolution) -> Float[Array, " n"]:
+    """log2 of the side of a texel / side of a pixel, from areas; `LOG2_WORST` for a flat footprint.
+
+    Where the Jacobian is 0 (no receiver) this is `LOG2_WORST` too: mask before reducing.
+    """
+    dtype = jacobian.dtype
+    texels = 0.5 * safe_log2(jnp.abs(determinant(jacobian)), -LOG2_WORST * 2)
+    return -(texels + jnp.log2(jnp.asarray(resolution, dtype)))
+
+
+def area_ratio(jacobian, resolution):
+    """World area of a shadow texel / of an eye pixel: 1 / |det J| (Fernando et al. 2001, 3.1)."""
+    return jnp.exp2(2 * log2_linear_ratio(jacobian, resolution))
+
+
+def linear_ratio(jacobian, resolution):
+    """Square root of `area_ratio`."""
+    return jnp.exp2(log2_linear_ratio(jacobian, resolution))
+
+
+def log2_m(jacobian: Float[Array, "2 2 n"], resolution) -> Float[Array, " n"]:
+    """log2 of `m`; see there."""
+    dtype = jacobian.dtype
+    _, smallest = singular_values(jacobian)
+    return -(safe_log2(smallest, -LOG2_WORST) + jnp.log2(jnp.asarray(resolution, dtype)))
+
+
+def m(jacobian, resolution):
+    """Lloyd's linear error: texel width / pixel width in the worst direction, 1 / sigma_min(J).
+
+    `area_ratio <= m**2`, equal where the footprint is not stretched. The expected displacement of
+    a shadow edge is at most m / 4 pixels (hard_shadows reference 3, M4).
+    """
+    return jnp.exp2(log2_m(jacobian, resolution))

@@ -1,0 +1,37 @@
+"""Coordinate conventions, written once.
+
+* A set of n points or vectors is `(3, n)`, rows x, y, z ("component-first"). Images are
+  `(height, width)`, row 0 at the top; kernels see them flat, row by row.
+* **world**: the scene's axes and units. **eye**: axes image right, image down, forward. **light**:
+  axes u, v, and the light's axis w.
+* Eye pixel (column, row): pixel centres at +0.5. **Axial depth** is the distance along the
+  forward (or the light's) axis, in scene units, never 1/z; the range along a ray is not used.
+* Light image coordinates u, v in [0, 1] over a face's rectangle; at resolution N texel (j, i)
+  covers u in [i, i + 1) / N and v in [j, j + 1) / N, its centre at +0.5.
+* Large offsets cancel: points are stored relative to an `origin` near them (the eye), and the
+  light's position relative to that origin is formed in float64 on the host.
+"""
+
+from asmjax.geometry.basis import basis_from_axis, unit
+from asmjax.geometry.camera import Camera, look_at
+from asmjax.geometry.light_frame import (
+    LightFrame,
+    fitted_directional_frame,
+    fitted_point_frame,
+    fixed_frame,
+    in_domain,
+    towards_light,
+)
+
+__all__ = [
+    "Camera",
+    "LightFrame",
+    "basis_from_axis",
+    "fitted_directional_frame",
+    "fitted_point_frame",
+    "fixed_frame",
+    "in_domain",
+    "look_at",
+    "towards_light",
+    "unit",
+]

@@ -1,0 +1,31 @@
+"""Double-where helpers: no NaN in value or gradient when a masked entry would divide by zero."""
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+Values = Float[Array, "..."]
+
+
+def safe_divide(numerator, denominator, otherwise=0.0):
+    """`numerator / denominator`, and `otherwise` where the denominator is 0."""
+    zero = denominator == 0
+    ratio = numerator / jnp.where(zero, jnp.ones_like(denominator), denominator)
+    return jnp.where(zero, jnp.asarray(otherwise, ratio.dtype), ratio)
+
+
+def safe_log2(x, otherwise):
+    """`log2(x)`, and `otherwise` where `x` is not positive."""
+    bad = ~(x > 0)
+    value = jnp.log2(jnp.where(bad, jnp.ones_like(x), x))
+    return jnp.where(bad, jnp.asarray(otherwise, value.dtype), value)
+
+
+def safe_sqrt(x):
+    """`sqrt(x)`, and 0 with a zero gradient where `x` is not positive."""
+    bad = ~(x > 0)
+    return jnp.where(bad, jnp.zeros_like(x), jnp.sqrt(jnp.where(bad, jnp.ones_like(x), x)))
+
+
+def dot(a, b):
+    """Inner product over the first axis of component-first arrays `(3, ...)`."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]

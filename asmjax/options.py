@@ -1,0 +1,149 @@
+"""The options of the commands, as plain frozen dataclasses.
+
+An option is written once, in the group under which `--help` shows it; a command's options are a
+class that inherits the groups it needs, so notebooks and the command line use one flat object:
+`RunOptions(scene="terrain", memory_mb=32)`. The text below a field is its help text.
+"""
+
+import dataclasses
+import math
+from typing import Annotated
+
+from tyro.conf import Positional, arg
+
+from asmjax.errors import require
+
+MEGABYTE = 2**20
+"""Bytes in one MB of the command line."""
+
+
+def _named(metavar: str, default: str) -> object:
+    """An option that may be left out; `default` says in words what happens then."""
+    return arg(metavar=metavar, help_behavior_hint=f"(default: {default})")
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class SceneOptions:
+    """What is looked at, and which light casts the shadow."""
+
+    scene: Annotated[str, Positional, arg(metavar="[SCENE]")] = "paper_room"
+    """Built-in scene (`asmjax scenes` lists them) or path of a Mitsuba scene file."""
+
+    view: Annotated[str | None, _named("NAME", "the first one")] = None
+    """Named view of a built-in scene, such as closeup."""
+
+    size: Annotated[tuple[int, int] | None, _named("W H", "as the view says")] = None
+    """Width and height of the image in pixels, 1 to 16384 each."""
+
+    sensor: Annotated[str | None, _named("ID", "the first one")] = None
+    """Sensor of a scene file: its id, or its index from 0."""
+
+    light: Annotated[str | None, _named("ID", "the first one")] = None
+    """Light that casts the shadow: its name or id, or its index from 0."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class LimitOptions:
+    """What a shadow map may cost."""
+
+    memory_mb: Annotated[float, arg(metavar="MB")] = 16.0
+    """Memory of the adaptive map with all its arrays, and of the uniform map it is compared
+    with, in MB (2^20 bytes). Never exceeded."""
+
+    time_limit_ms: Annotated[float | None, _named("MS", "until nothing is left to gain")] = None
+    """Time to refine the adaptive map, in milliseconds."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class MapOptions:
+    """How the adaptive shadow map is built."""
+
+    node_resolution: Annotated[int, arg(metavar="TEXELS")] = 16
+    """Texels along each side of a node of the tree."""
+
+    cells: Annotated[int, arg(metavar="COUNT")] = 2
+    """Cells along each side of a node; each cell may become a child of its own."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class MeasureOptions:
+    """How truth and time are measured."""
+
+    samples: Annotated[int, arg(metavar="COUNT")] = 1
+    """Shadow rays per pixel of the ray-traced truth."""
+
+    repeats: Annotated[int, arg(metavar="COUNT")] = 3
+    """Timed runs of each method after one to warm up; medians are reported."""
+
+    seed: Annotated[int, arg(metavar="INT")] = 0
+    """Seed of everything random. The same seed gives the same numbers."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class MachineOptions:
+    """What it runs on."""
+
+    variant: Annotated[str | None, _named("NAME", "the fastest that works without CUDA")] = None
+    """Mitsuba variant: llvm_ad_rgb, cuda_ad_rgb, or scalar_rgb (the same hits, about 16 times
+    slower). `asmjax info` tells which is used and why."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class OutputOptions:
+    """What is written, and where."""
+
+    out: Annotated[str | None, _named("DIR", "out/<command>-<scene>")] = None
+    """Folder for report.json and the figures."""
+
+    save_arrays: bool = False
+    """Also write arrays.npz: truth, visibilities and all maps, row 0 at the top."""
+
+    quiet: bool = False
+    """No progress bar and no table; warnings and errors still appear."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class RunOptions(
+    SceneOptions, LimitOptions, MapOptions, MeasureOptions, MachineOptions, OutputOptions
+):
+    """Options of `asmjax run`.
+
+    Raises:
+        UseError: a number outside its range. Names, files and sizes are checked by those who
+            look them up.
+    """
+
+    def __post_init__(self):
+        _at_least(1e-6, "--memory-mb", self.memory_mb, "MB")
+        if self.time_limit_ms is not None:
+            _at_least(0.0, "--time-limit-ms", self.time_limit_ms, "milliseconds")
+        _at_least(1, "--node-resolution", self.node_resolution, "texels")
+        _at_least(1, "--cells", self.cells, "cell per side")
+        _at_least(1, "--samples", self.samples, "ray per pixel")
+        _at_least(1, "--repeats", self.repeats, "timed run")
+        _at_least(0, "--seed", self.seed, "")
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class ScenesOptions:
+    """Output."""
+
+    json: bool = False
+    """Print JSON instead of text."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class InfoOptions:
+    """Output."""
+
+    json: bool = False
+    """Print JSON instead of text."""
+
+
+def _at_least(least: float, option: str, got: float, unit: str) -> None:
+    unit = f" {unit}" if unit else ""
+    require(
+        math.isfinite(got) and got >= least,
+        f"{option} is {got}; allowed: a finite number, at least {least:g}{unit}; "
+        f"choose another {option}",
+    )

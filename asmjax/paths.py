@@ -1,0 +1,65 @@
+"""Where asmjax keeps what it may forget: one cache folder per user, and the key of this CPU."""
+
+import hashlib
+import os
+import platform
+from pathlib import Path
+
+
+def cache_dir() -> Path:
+    """The per-user cache folder, not created here.
+
+    `ASMJAX_CACHE_DIR` if set, else `asmjax` in `XDG_CACHE_HOME`, else `~/.cache/asmjax`.
+    """
+    if own := os.environ.get("ASMJAX_CACHE_DIR"):
+        return Path(own)
+    if base := os.environ.get("XDG_CACHE_HOME"):
+        return Path(base) / "asmjax"
+    return Path(os.path.expanduser("~")) / ".cache" / "asmjax"
+
+
+def drjit_cache_dir() -> Path:
+    """The folder where Dr.Jit keeps compiled kernels (its own rule; asmjax leaves it alone)."""
+    if own := os.environ.get("DRJIT_CACHE_DIR"):
+        return Path(own)
+    return Path(os.path.expanduser("~")) / ".drjit"
+
+
+def writable_dir(path: Path) -> Path | None:
+    """`path` created if need be, or None where nothing can be written."""
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError:
+        return None
+    return path if os.access(path, os.W_OK) else None
+
+
+def folder_bytes(path: Path) -> int:
+    """Bytes of all regular files below `path`; 0 when it does not exist."""
+    total = 0
+    for folder, _, names in os.walk(path):
+        for name in names:
+            try:
+                total += os.lstat(os.path.join(folder, name)).st_size
+            except OSError:
+                continue  # another process may tidy its cache while we look
+    return total
+
+
+def cpu_key() -> str:
+    """12 hex digits that differ between CPU models and instruction sets.
+
+    Compiled code in a home folder shared by unlike machines can stop with SIGILL, so everything
+    compiled or tried on a CPU is remembered under its key.
+    """
+    facts = [platform.machine()]
+    try:
+        with open("/proc/cpuinfo", encoding="utf-8", errors="replace") as info:
+            for line in info:
+                if not line.strip():
+                    break  # the first core speaks for all
+                if line.startswith(("vendor_id", "cpu family", "model", "flags", "Features")):
+                    facts.append(" ".join(line.split()))
+    except OSError:
+        facts.append(platform.processor())
+    return hashlib.sha256("\n".join(facts).encode()).hexdigest()[:12]

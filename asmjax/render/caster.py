@@ -1,0 +1,199 @@
+"""Rays through Mitsuba: the only place where arrays cross between NumPy, JAX and Dr.Jit.
+
+Everything that comes back is copied once, with its dtype asserted.
+"""
+
+from collections.abc import Callable
+
+import jax.numpy as jnp
+import numpy as np
+
+from asmjax.buffers import LightBuffer, LightRays, TexelWindows
+from asmjax.geometry import LightFrame
+from asmjax.render.geometry import SceneGeometry
+
+LANES = 1 << 24
+"""Texels cast in one launch at most; larger requests are cut (memory: about 40 bytes a texel)."""
+
+
+def _f32(a: np.ndarray) -> np.ndarray:
+    return np.ascontiguousarray(a, np.float32)
+
+
+class MitsubaRays(LightRays):
+    """Light rays against a Mitsuba scene, vectorised (`llvm_*`, `cuda_*`) or one at a time
+    (`scalar_*`).
+
+    Args:
+        mi: the mitsuba module with its variant set.
+        scene: the Mitsuba scene of casters.
+        shape_ids: dense shape id of each of the scene's shapes, in `geometry`'s order.
+        geometry: gives the global primitive ids.
+    """
+
+    def __init__(self, mi, scene, shape_ids: list[int], geometry: SceneGeometry):
+        self.mi = mi
+        self.scene = scene
+        self.geometry = geometry
+        self.vectorised = not mi.variant().startswith("scalar")
+        first = geometry.first_prim[:-1]
+        shapes = scene.shapes()
+        if self.vectorised:
+            import drjit as dr
+
+            self._dr = dr
+            registry = [
+                int(np.array(dr.reinterpret_array(mi.UInt32, mi.ShapePtr(s)))[0]) for s in shapes
+            ]
+            offsets = np.zeros(max(registry, default=0) + 1, np.int32)
+            dense = np.full(offsets.size, -1, np.int32)
+            for raw, shape_id in zip(registry, shape_ids, strict=True):
+                offsets[raw], dense[raw] = first[shape_id], shape_id
+            self._offsets, self._dense = mi.Int32(offsets), mi.Int32(dense)
+        else:
+            self._ids = {
+                _key(s): (int(first[i]), i) for s, i in zip(shapes, shape_ids, strict=True)
+            }
+
+    def hits(
+        self, origins: np.ndarray, directions: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """First hits of world rays (3, n): t (n,) float64, primitive and dense shape id (n,)."""
+        if not self.vectorised:
+            return self._hits_one_by_one(origins, directions)
+        mi, dr = self.mi, self._dr
+        ray = mi.Ray3f(mi.Point3f(_f32(origins)), mi.Vector3f(_f32(directions)))
+        t, prim, shape = self._intersect(ray)
+        dr.eval(t, prim, shape)
+        return t.numpy().astype(np.float64), prim.numpy(), shape.numpy()
+
+    def _intersect(self, ray):
+        mi, dr = self.mi, self._dr
+        hit = self.scene.ray_intersect_preliminary(ray, coherent=True)
+        valid = hit.is_valid()
+        raw = dr.reinterpret_array(mi.UInt32, hit.shape)
+        first = dr.gather(mi.Int32, self._offsets, raw, valid)
+        prim = dr.select(valid, first + mi.Int32(hit.prim_index), -1)
+        shape = dr.select(valid, dr.gather(mi.Int32, self._dense, raw, valid), -1)
+        return dr.select(valid, hit.t, dr.inf), prim, shape
+
+    def _hits_one_by_one(self, origins, directions):
+        ray3, point, vector = self.mi.Ray3f, self.mi.Point3f, self.mi.Vector3f
+        intersect = self.scene.ray_intersect_preliminary
+        n = directions.shape[1]
+        t, prim, shape = np.full(n, np.inf), np.full(n, -1, np.int32), np.full(n, -1, np.int32)
+        rays = zip(_f32(origins).T.tolist(), _f32(directions).T.tolist(), strict=True)
+        for k, (o, d) in enumerate(rays):
+            hit = intersect(ray3(point(*o), vector(*d)))
+            if hit.shape is not None:
+                first, shape[k] = self._ids[_key(hit.shape)]
+                t[k], prim[k] = hit.t, first + hit.prim_index
+        return t, prim, shape
+
+    def closest(self, origins, directions, t_min=0.0):
+        t, prim, _ = self.hits(origins + t_min * directions, directions)
+        return t + t_min, prim
+
+    def occluded(self, origins, directions, t_max):
+        return self.prepare_occlusion(origins, directions, t_max)()
+
+    def prepare_occlusion(
+        self, origins: np.ndarray, directions: np.ndarray, t_max: float
+    ) -> Callable[[], np.ndarray]:
+        """Put rays (3, n) on the device; the returned function casts them, again at each call."""
+        if self.vectorised:
+            mi = self.mi
+            ray = mi.Ray3f(mi.Point3f(_f32(origins)), mi.Vector3f(_f32(directions)))
+            ray.maxt = self._dr.opaque(mi.Float, t_max)
+            self._dr.eval(ray)
+            return lambda: self.scene.ray_test(ray, coherent=True).numpy()
+        ray3, point, vector = self.mi.Ray3f, self.mi.Point3f, self.mi.Vector3f
+        rays = []
+        for o, d in zip(_f32(origins).T.tolist(), _f32(directions).T.tolist(), strict=True):
+            rays.append(ray3(point(*o), vector(*d)))
+            rays[-1].maxt = t_max
+        test = self.scene.ray_test
+        return lambda: np.fromiter((test(ray) for ray in rays), bool, len(rays))
+
+    def surface(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Diffuse reflectance and geometric normal (3, n) float32 of what world rays hit first."""
+        mi = self.mi
+        if self.vectorised:
+            ray = mi.Ray3f(mi.Point3f(_f32(origins)), mi.Vector3f(_f32(directions)))
+            hit = self.scene.ray_intersect(ray, mi.RayFlags.Minimal, coherent=True)
+            albedo = hit.bsdf().eval_diffuse_reflectance(hit, hit.is_valid())
+            return np.array(albedo, np.float32), np.array(hit.n, np.float32)
+        ray3, point, vector = mi.Ray3f, mi.Point3f, mi.Vector3f
+        albedo = np.zeros((3, directions.shape[1]), np.float32)
+        normal = np.zeros_like(albedo)
+        rays = zip(_f32(origins).T.tolist(), _f32(directions).T.tolist(), strict=True)
+        for k, (o, d) in enumerate(rays):
+            hit = self.scene.ray_intersect(ray3(point(*o), vector(*d)))
+            if hit.is_valid():
+                albedo[:, k] = hit.bsdf().eval_diffuse_reflectance(hit)
+                normal[:, k] = hit.n
+        return albedo, normal
+
+    def light_buffer(self, frame: LightFrame, windows: TexelWindows) -> LightBuffer:
+        """All windows in one launch; rays are formed on the device from nine numbers a window."""
+        if not self.vectorised:
+            return super().light_buffer(frame, windows)
+        per_launch = max(1, LANES // windows.side**2)
+        parts = []
+        for start in range(0, windows.count, per_launch):
+            chosen = slice(start, start + per_launch)
+            parts.append(
+                self._launch(
+                    frame,
+                    TexelWindows(
+                        face=windows.face[chosen],
+                        corner=windows.corner[:, chosen],
+                        texel=windows.texel[:, chosen],
+                        side=windows.side,
+                    ),
+                )
+            )
+        if len(parts) == 1:
+            depth, prim = parts[0]
+        else:
+            depth, prim = (np.concatenate(p) for p in zip(*parts, strict=True))
+        return LightBuffer(jnp.asarray(depth), jnp.asarray(prim))
+
+    def _launch(self, frame: LightFrame, windows: TexelWindows) -> tuple[np.ndarray, np.ndarray]:
+        mi, dr = self.mi, self._dr
+        first, step = windows.plane(frame)
+        e_u, e_v, e_w = np.moveaxis(frame.rotation[windows.face], 0, -1)
+        start = e_u * first[0] + e_v * first[1]
+        start += e_w if frame.perspective else frame.origin[:, None]
+        table = [mi.Float(_f32(row)) for v in (start, e_u * step[0], e_v * step[1]) for row in v]
+        side = windows.side
+        lane = dr.arange(mi.UInt32, windows.texels)
+        window = lane // (side * side)
+        texel = lane - window * (side * side)
+        row = texel // side
+        column = mi.Float(texel - row * side)
+        row = mi.Float(row)
+        start, right, down = (
+            mi.Vector3f(*(dr.gather(mi.Float, table[3 * i + k], window) for k in range(3)))
+            for i in range(3)
+        )
+        at = dr.fma(down, row, dr.fma(right, column, start))
+        if frame.perspective:
+            origin = mi.Point3f(*frame.origin.tolist())
+            dr.make_opaque(origin)
+            ray = mi.Ray3f(origin, at)
+        else:
+            axis = [mi.Float(_f32(row)) for row in e_w]
+            axis = mi.Vector3f(*(dr.gather(mi.Float, row, window) for row in axis))
+            ray = mi.Ray3f(mi.Point3f(at), axis)
+        t, prim, _ = self._intersect(ray)
+        dr.eval(t, prim)
+        depth, prim = t.numpy(), prim.numpy()
+        assert depth.dtype == np.float32 and prim.dtype == np.int32
+        shape = (windows.count, side, side)
+        return depth.reshape(shape), prim.reshape(shape)
+
+
+def _key(shape) -> int:
+    """A scalar variant's shape as a dictionary key: the address of the renderer's object."""
+    return shape.ptr

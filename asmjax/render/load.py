@@ -1,0 +1,205 @@
+"""Scenes from a built-in name, a Mitsuba file or a dictionary, ready to cast rays against."""
+
+import logging
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from asmjax.buffers import EyeBuffer
+from asmjax.errors import UseError, unknown_name
+from asmjax.geometry import LightFrame
+from asmjax.render.caster import MitsubaRays
+from asmjax.render.emitters import SceneLight, read_emitters
+from asmjax.render.eye import cast_eye
+from asmjax.render.geometry import SceneGeometry, read_geometry
+from asmjax.render.sensors import read_sensors
+from asmjax.render.truth import ShadowRays
+from asmjax.render.variant import activate
+from asmjax.scene.builtin import BUILTIN, load_builtin
+from asmjax.scene.lights import light_frame
+from asmjax.scene.spec import (
+    Disk,
+    LightSpec,
+    Mesh,
+    Rectangle,
+    SceneSpec,
+    Shape,
+    Sphere,
+    ViewSpec,
+    pick,
+)
+
+_log = logging.getLogger("asmjax")
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """A scene that rays can be cast against.
+
+    Attributes:
+        name: built-in name or file stem.
+        views, lights: by name, the first of each is the default.
+        notices: what of the scene is simulated differently from what it says.
+        geometry: triangles on the host.
+        variant: the Mitsuba variant that casts.
+    """
+
+    name: str
+    views: dict[str, ViewSpec]
+    lights: dict[str, SceneLight]
+    notices: tuple[str, ...]
+    geometry: SceneGeometry
+    variant: str
+    _mi: Any
+    _scene: Any
+    _rays: MitsubaRays
+
+    def view(self, wanted: str | None = None) -> ViewSpec:
+        """The view of that name or index. Raises `UseError` where there is none."""
+        return pick("view (sensor)", self.views, wanted, self.name)
+
+    def light(self, wanted: str | None = None) -> LightSpec:
+        """The light of that name or index. Raises `UseError` where there is none."""
+        return self._light(wanted).spec
+
+    def _light(self, wanted: str | None) -> SceneLight:
+        return pick("light (emitter)", self.lights, wanted, self.name)
+
+    def eye(self, view: ViewSpec, offset: tuple[float, float] = (0.0, 0.0)) -> EyeBuffer:
+        """The eye's image of `view`, sampled `offset` pixels away from the pixel centres.
+
+        Raises `UseError` where the view sees nothing.
+        """
+        buffer = cast_eye(self._mi, self._rays, self.geometry, view.camera(), offset)
+        if not buffer.valid.any():
+            raise UseError(
+                f"view '{view.name}' of scene '{self.name}' sees no surface; choose another "
+                "--view or --sensor."
+            )
+        return buffer
+
+    def light_rays(self, light: str | None = None) -> MitsubaRays:
+        """What casts the rays of a light: everything but the lamp that carries it."""
+        lamp = self._light(light).shape
+        if lamp is None:
+            return self._rays
+        shapes = self._scene.shapes()
+        casters = {f"shape{i}": s for i, s in enumerate(shapes) if i != lamp}
+        scene = self._mi.load_dict({"type": "scene", **casters}, optimize=False)
+        return MitsubaRays(
+            self._mi, scene, [i for i in range(len(shapes)) if i != lamp], self.geometry
+        )
+
+    def light_frame(self, eye: EyeBuffer, light: str | None = None) -> LightFrame:
+        """The light frame that serves the eye's receivers."""
+        return light_frame(self.light(light), eye, self.geometry.bounds)
+
+    def shadow_rays(self, eye: EyeBuffer, frame: LightFrame, rays: MitsubaRays) -> ShadowRays:
+        """One shadow ray per eye pixel: truth, and the yardstick of time."""
+        return ShadowRays(self.geometry, eye, frame, rays)
+
+
+def load_scene(source: str | os.PathLike | dict, variant: str | None = None) -> Scene:
+    """A scene by built-in name, path of a Mitsuba XML file, Mitsuba dictionary or `SceneSpec`.
+
+    Shapes are kept apart (`optimize=False`). The Mitsuba variant is chosen on the first call of
+    the process (see `asmjax.render.variant`).
+
+    Raises:
+        UseError: unknown name, missing or malformed file, or a scene without shapes.
+    """
+    if isinstance(source, SceneSpec):
+        return _from_spec(activate(variant), source)
+    if isinstance(source, dict):
+        mi = activate(variant)
+        return _from_mitsuba(mi, "dict", _load(mi.load_dict, source, "the scene dictionary"))
+    name = os.fspath(source)
+    path = Path(name)
+    if name in BUILTIN:
+        return _from_spec(activate(variant), load_builtin(name))
+    if path.suffix == "" and not path.exists() and "/" not in name:
+        raise unknown_name(
+            "scene", name, BUILTIN, "A path of a Mitsuba scene file (.xml) works too."
+        )
+    if not path.is_file():
+        raise UseError(f"there is no scene file '{name}'; give the path of a Mitsuba .xml file.")
+    mi = activate(variant)
+    return _from_mitsuba(mi, path.stem, _load(mi.load_file, str(path), f"scene file '{name}'"))
+
+
+def _load(loader, source, what: str):
+    try:
+        return loader(source, optimize=False)
+    except Exception as problem:
+        lines = [line.strip() for line in str(problem).splitlines() if line.strip()]
+        reason = " ".join(lines[:2]) if lines else type(problem).__name__
+        raise UseError(
+            f"{what} is not a scene that Mitsuba can load: {reason[:400]}; mend the scene."
+        ) from problem
+
+
+def _from_mitsuba(mi, name: str, scene) -> Scene:
+    if not hasattr(scene, "shapes") or not scene.shapes():
+        raise UseError(f"scene '{name}' has no shapes; asmjax needs surfaces to cast shadows on.")
+    notices: list[str] = []
+    views = read_sensors(mi, scene.sensors(), notices)
+    lights = read_emitters(mi, scene, notices)
+    return _scene(mi, name, scene, views, lights, notices)
+
+
+def _from_spec(mi, spec: SceneSpec) -> Scene:
+    parts = {f"shape{i}": _mitsuba_shape(mi, shape) for i, shape in enumerate(spec.shapes)}
+    scene = mi.load_dict({"type": "scene", **parts}, optimize=False)
+    lights = {name: SceneLight(light) for name, light in spec.lights.items()}
+    return _scene(mi, spec.name, scene, dict(spec.views), lights, [])
+
+
+def _scene(mi, name, scene, views, lights, notices) -> Scene:
+    geometry = read_geometry(scene.shapes(), scene.bbox())
+    if not np.isfinite(geometry.bounds).all():
+        raise UseError(f"scene '{name}' has no finite bounding box; mend its vertices.")
+    return Scene(
+        name=name,
+        views=views,
+        lights=lights,
+        notices=tuple(notices),
+        geometry=geometry,
+        variant=mi.variant(),
+        _mi=mi,
+        _scene=scene,
+        _rays=MitsubaRays(mi, scene, list(range(len(scene.shapes()))), geometry),
+    )
+
+
+def _mitsuba_shape(mi, shape: Shape):
+    reflectance = {"type": "rgb", "value": list(shape.reflectance)}
+    bsdf = {"type": "twosided", "surface": {"type": "diffuse", "reflectance": reflectance}}
+    if isinstance(shape, Mesh):
+        props = mi.Properties()
+        props["bsdf"] = mi.load_dict(bsdf)
+        props["face_normals"] = True
+        mesh = mi.Mesh(shape.name, shape.vertices.shape[1], shape.faces.shape[1], props)
+        params = mi.traverse(mesh)
+        params["vertex_positions"] = np.ascontiguousarray(shape.vertices.T, np.float32).ravel()
+        params["faces"] = np.ascontiguousarray(shape.faces.T, np.uint32).ravel()
+        params.update()
+        return mesh
+    if isinstance(shape, Sphere):
+        return {
+            "type": "sphere", "center": list(shape.centre), "radius": shape.radius, "bsdf": bsdf
+        }  # fmt: skip
+    transform = np.eye(4)
+    transform[:3, 3] = shape.centre
+    if isinstance(shape, Rectangle):
+        transform[:3, 0], transform[:3, 1] = shape.half_u, shape.half_v
+        normal = np.cross(shape.half_u, shape.half_v)
+        transform[:3, 2] = normal / np.linalg.norm(normal)
+        return {"type": "rectangle", "to_world": mi.ScalarTransform4f(transform), "bsdf": bsdf}
+    assert isinstance(shape, Disk)
+    from asmjax.geometry import basis_from_axis
+
+    transform[:3, :3] = basis_from_axis(shape.normal).T * shape.radius
+    return {"type": "disk", "to_world": mi.ScalarTransform4f(transform), "bsdf": bsdf}

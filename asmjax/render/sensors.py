@@ -1,0 +1,65 @@
+"""Mitsuba sensors as view specifications."""
+
+import numpy as np
+
+from asmjax.errors import UseError
+from asmjax.scene.spec import ViewSpec
+
+SUPPORTED = ("PerspectiveCamera", "ThinLensCamera")
+
+
+def read_sensors(mi, sensors: list, notices: list[str]) -> dict[str, ViewSpec]:
+    """The scene's pinhole views by id, in scene order; what is left out is added to `notices`."""
+    views: dict[str, ViewSpec] = {}
+    for index, sensor in enumerate(sensors):
+        name = plugin_name(sensor, f"sensor{index}", views)
+        if sensor.class_name() not in SUPPORTED:
+            notices.append(
+                f"sensor '{name}' ({sensor.class_name()}) is left out: asmjax sees through "
+                "perspective and thinlens sensors"
+            )
+            continue
+        if sensor.class_name() == "ThinLensCamera":
+            notices.append(f"sensor '{name}' is a thin lens; seen as a pinhole, all in focus")
+        views[name] = _read_view(mi, name, sensor)
+    return views
+
+
+def plugin_name(plugin, fallback: str, taken: dict) -> str:
+    """The id that the scene file gives a plugin, or `fallback`."""
+    name = plugin.id()
+    return fallback if not name or name.startswith("_unnamed") or name in taken else name
+
+
+def _read_view(mi, name: str, sensor) -> ViewSpec:
+    params = mi.traverse(sensor)
+    matrix = np.array(params["to_world"].matrix, np.float64).reshape(4, 4)
+    if not np.isfinite(matrix).all():
+        raise UseError(
+            f"sensor '{name}' has a to_world transform that is not finite; give a camera with "
+            "finite numbers."
+        )
+    left, up, forward = (matrix[:3, k] / np.linalg.norm(matrix[:3, k]) for k in range(3))
+    origin = matrix[:3, 3]
+    width, height = (int(x) for x in np.array(params["film.size"]).ravel())
+    crop_width, crop_height = (int(x) for x in np.array(params["film.crop_size"]).ravel())
+    crop_x, crop_y = (int(x) for x in np.array(params["film.crop_offset"]).ravel())
+    fov_deg, shift_x, shift_y = (
+        float(np.array(params[key]).ravel()[0])
+        for key in ("x_fov", "principal_point_offset_x", "principal_point_offset_y")
+    )
+    focal = 0.5 * width / np.tan(np.radians(fov_deg) / 2)
+    principal = width * (0.5 - shift_x) - crop_x, height * (0.5 - shift_y) - crop_y
+    return ViewSpec(
+        name=name,
+        origin=tuple(origin),
+        target=tuple(origin + forward),
+        up=tuple(up),
+        fov_x_deg=float(np.degrees(2 * np.arctan(0.5 * crop_width / focal))),
+        width=crop_width,
+        height=crop_height,
+        near=float(params["near_clip"]),
+        far=float(params["far_clip"]),
+        principal_point=(principal[0] / crop_width - 0.5, principal[1] / crop_height - 0.5),
+        mirrored=bool(np.dot(np.cross(left, up), forward) < 0),
+    )

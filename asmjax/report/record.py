@@ -1,0 +1,162 @@
+"""Builds the record of a run, and writes it whole or not at all."""
+
+import json
+import os
+import shlex
+from collections.abc import Mapping, Sequence
+from operator import index
+from pathlib import Path
+from typing import SupportsIndex
+
+import numpy as np
+
+from asmjax.report.schema import RUN_SCHEMA, InvalidReport, first_unstorable, validate_report
+
+
+def map_summary(values, valid) -> dict:
+    """The `maps` entry of one map: p50, p95, max and count over valid pixels.
+
+    Pixels without a finite value (a light edge-on) are left out, so that one of them does not
+    make the whole summary infinite; `count` says how many remain.
+    """
+    chosen = np.asarray(values, np.float64)[np.asarray(valid, bool)]
+    chosen = chosen[np.isfinite(chosen)]
+    if not chosen.size:
+        return {"p50": 0.0, "p95": 0.0, "max": 0.0, "count": 0}
+    p50, p95 = np.percentile(chosen, [50, 95])
+    return {
+        "p50": float(p50),
+        "p95": float(p95),
+        "max": float(chosen.max()),
+        "count": int(chosen.size),
+    }
+
+
+def method_record(
+    name: str,
+    *,
+    settings: Mapping,
+    effective_resolution: SupportsIndex | None,
+    bytes: SupportsIndex,
+    rays: SupportsIndex,
+    seconds: Mapping[str, float],
+    error: Mapping,
+    **adaptive,
+) -> dict:
+    """One entry of `methods`; units and further keys as in `asmjax.report.schema`.
+
+    Args:
+        seconds: build, analysis and query; `total` is their sum unless given.
+        error: from `asmjax.metrics.error_summary`.
+        adaptive: nodes, passes, max_level and status of an adaptive method.
+    """
+    stages = {stage: float(seconds.get(stage, 0.0)) for stage in ("build", "analysis", "query")}
+    texels = None if effective_resolution is None else index(effective_resolution)
+    return {
+        "name": name,
+        "settings": dict(settings),
+        "effective_resolution": texels,
+        "bytes": index(bytes),
+        "rays": index(rays),
+        "seconds": stages | {"total": float(seconds.get("total", sum(stages.values())))},
+        "error": dict(error),
+    } | adaptive
+
+
+def run_report(
+    *,
+    argv: Sequence[str],
+    provenance: Mapping,
+    seed: SupportsIndex,
+    scene: str,
+    view: str,
+    light: str,
+    size: Sequence[int],
+    truth: Mapping,
+    cost_model: Mapping,
+    maps: Mapping[str, Mapping],
+    methods: Sequence[Mapping],
+    notices: Sequence[str] = (),
+) -> dict:
+    """The validated report of `asmjax run`, NumPy and JAX scalars turned into plain numbers.
+
+    Args:
+        argv: the command line, program first.
+        provenance: from `asmjax.report.provenance`.
+        size: (width, height) in pixels.
+
+    Raises:
+        InvalidReport: as `validate_report`.
+    """
+    report = {
+        "schema": RUN_SCHEMA,
+        "command": shlex.join(argv),
+        **provenance,
+        "seed": index(seed),
+        "scene": scene,
+        "view": view,
+        "light": light,
+        "size": size,
+        "truth": truth,
+        "cost_model": cost_model,
+        "maps": maps,
+        "methods": methods,
+        "notices": notices,
+    }
+    report = {name: plain(value) for name, value in report.items()}
+    validate_report(report)
+    return report
+
+
+def plain(value):
+    """`value` with mappings as dicts, sequences as lists, 0-d arrays as numbers, paths as text."""
+    if isinstance(value, Mapping):
+        return {str(name): plain(item) for name, item in value.items()}
+    if isinstance(value, str | bool | int | float) or value is None:
+        # Subclasses such as numpy.float64 and enumerations of text become their base.
+        for kind in (bool, str, int, float):
+            if isinstance(value, kind):
+                return kind(value)
+        return None
+    if isinstance(value, os.PathLike):
+        return os.fspath(value)
+    if hasattr(value, "tolist"):
+        return plain(np.asarray(value).tolist())
+    if isinstance(value, Sequence):
+        return [plain(item) for item in value]
+    return value
+
+
+def write_json(path: str | os.PathLike, report: dict) -> None:
+    """Write `report` to `path`: after a crash there is the old file or the new one, never half.
+
+    Raises:
+        InvalidReport: it holds a NaN, an infinity, or something that is not JSON.
+        OSError: the folder is missing or not writable.
+    """
+    problem = first_unstorable(report)
+    if problem:
+        raise InvalidReport(problem)
+    write_atomic(path, json.dumps(report, indent=2, allow_nan=False) + "\n")
+
+
+def write_atomic(path: str | os.PathLike, text: str) -> None:
+    """Replace the file at `path` by `text` in UTF-8, in one step that survives a power cut."""
+    target = Path(path)
+    # Same folder: a rename is atomic only within one file system.
+    scratch = target.with_name(f".{target.name}.{os.getpid()}.tmp")
+    try:
+        with scratch.open("w", encoding="utf-8", newline="") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(scratch, target)
+    except BaseException:
+        scratch.unlink(missing_ok=True)
+        raise
+    if os.name == "posix":
+        folder = os.open(target.parent, os.O_RDONLY)
+        try:
+            os.fsync(folder)
+        finally:
+            os.close(folder)

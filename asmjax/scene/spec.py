@@ -1,0 +1,200 @@
+"""A scene as plain data: shapes, views and lights, before any renderer sees it.
+
+Lengths are scene units, angles are radians unless a name ends in `_deg`. Directions of lights
+point *along* the light's travel (from the light into the scene).
+"""
+
+import math
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from asmjax.errors import UseError, require, unknown_name
+
+if TYPE_CHECKING:
+    from asmjax.geometry import Camera
+
+MAX_SIDE = 16_384
+"""Largest eye buffer side in pixels."""
+
+Vector = tuple[float, float, float]
+LightKind = Literal["point", "spot", "directional"]
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """Flat triangles: `vertices` (3, n_vertices) float64, `faces` (3, n_faces) int32."""
+
+    name: str
+    vertices: np.ndarray
+    faces: np.ndarray
+    reflectance: Vector = (0.7, 0.7, 0.7)
+
+
+@dataclass(frozen=True)
+class Rectangle:
+    """`centre + a * half_u + b * half_v`, |a|, |b| <= 1, with `half_u` perpendicular to `half_v`."""
+
+    name: str
+    centre: Vector
+    half_u: Vector
+    half_v: Vector
+    reflectance: Vector = (0.7, 0.7, 0.7)
+
+
+@dataclass(frozen=True)
+class Disk:
+    """Flat disk of `radius` around `centre`, perpendicular to the unit vector `normal`."""
+
+    name: str
+    centre: Vector
+    normal: Vector
+    radius: float
+    reflectance: Vector = (0.7, 0.7, 0.7)
+
+
+@dataclass(frozen=True)
+class Sphere:
+    """Sphere of `radius` around `centre`."""
+
+    name: str
+    centre: Vector
+    radius: float
+    reflectance: Vector = (0.7, 0.7, 0.7)
+
+
+Shape = Mesh | Rectangle | Disk | Sphere
+
+
+@dataclass(frozen=True)
+class ViewSpec:
+    """A pinhole eye at `origin`; the image spans `fov_x_deg` horizontally.
+
+    `near` and `far` are axial distances; what lies outside them is not seen.
+    `principal_point` is the offset of the optical axis from the image centre, as a fraction of
+    the width and height. `mirrored` flips left and right.
+    """
+
+    name: str
+    origin: Vector
+    target: Vector
+    up: Vector = (0.0, 0.0, 1.0)
+    fov_x_deg: float = 45.0
+    width: int = 512
+    height: int = 512
+    near: float = 1e-4
+    far: float = math.inf
+    principal_point: tuple[float, float] = (0.0, 0.0)
+    mirrored: bool = False
+
+    def __post_init__(self):
+        numbers = (*self.origin, *self.target, *self.up, self.fov_x_deg, self.near)
+        require(
+            all(math.isfinite(x) for x in numbers),
+            f"view '{self.name}' has a camera that is not finite (origin {self.origin}, target "
+            f"{self.target}, fov {self.fov_x_deg}); give finite numbers.",
+        )
+        require(
+            0.0 < self.fov_x_deg < 180.0,
+            f"view '{self.name}' has a field of view of {self.fov_x_deg} degrees; allowed is more "
+            "than 0 and less than 180.",
+        )
+        for side in (self.width, self.height):
+            require(
+                1 <= side <= MAX_SIDE,
+                f"size {self.width} x {self.height} is not possible; allowed is 1 to {MAX_SIDE} "
+                "pixels a side: choose another --size.",
+            )
+
+    def resized(self, width: int, height: int) -> "ViewSpec":
+        """The same horizontal field of view on another pixel grid."""
+        return replace(self, width=width, height=height)
+
+    def camera(self) -> "Camera":
+        """The camera of this view. Raises `UseError` where `up` is parallel to the view."""
+        # Here, so that listing scenes does not load JAX.
+        from asmjax.geometry import look_at
+
+        return look_at(
+            self.origin,
+            self.target,
+            self.up,
+            fov_x_deg=self.fov_x_deg,
+            width=self.width,
+            height=self.height,
+            near=self.near,
+            far=self.far,
+            principal_point=self.principal_point,
+            mirrored=self.mirrored,
+        )
+
+
+@dataclass(frozen=True)
+class LightSpec:
+    """A light that casts hard shadows.
+
+    `position` is for point and spot lights, `direction` (along the light's travel) for spot and
+    directional ones. `fov_deg` fixes the light's square field of view around `direction`; `None`
+    fits the light frame to the visible receivers. `cutoff_deg` is the half angle of a spot.
+    """
+
+    name: str
+    kind: LightKind
+    position: Vector | None = None
+    direction: Vector | None = None
+    fov_deg: float | None = None
+    cutoff_deg: float | None = None
+
+    def __post_init__(self):
+        needs = {
+            "point": ("position",),
+            "spot": ("position", "direction", "cutoff_deg"),
+            "directional": ("direction",),
+        }
+        if self.kind not in needs:
+            raise unknown_name("light kind", self.kind, needs)
+        for name in needs[self.kind]:
+            require(
+                getattr(self, name) is not None,
+                f"light '{self.name}' of kind '{self.kind}' needs '{name}'; give it.",
+            )
+        numbers = [x for v in (self.position, self.direction) if v is not None for x in v]
+        require(
+            all(math.isfinite(x) for x in numbers),
+            f"light '{self.name}' is not finite (position {self.position}, direction "
+            f"{self.direction}); give finite numbers.",
+        )
+
+
+@dataclass(frozen=True)
+class SceneSpec:
+    """A scene: shapes, named views and named lights; the first of each is the default."""
+
+    name: str
+    summary: str
+    shapes: tuple[Shape, ...]
+    views: dict[str, ViewSpec] = field(default_factory=dict)
+    lights: dict[str, LightSpec] = field(default_factory=dict)
+
+    @property
+    def triangles(self) -> int:
+        return sum(s.faces.shape[1] for s in self.shapes if isinstance(s, Mesh))
+
+
+def pick(kind: str, items: dict, wanted: str | None, scene: str):
+    """The item called `wanted` (a name or an index), or the first one.
+
+    Raises `UseError` when the scene has none, or none of that name.
+    """
+    if not items:
+        raise UseError(
+            f"scene '{scene}' has no {kind}; asmjax needs at least one: add a {kind} to the scene."
+        )
+    if wanted is None:
+        return next(iter(items.values()))
+    if wanted in items:
+        return items[wanted]
+    if wanted.isdigit() and int(wanted) < len(items):
+        return list(items.values())[int(wanted)]
+    raise unknown_name(kind, wanted, items, f"Indices 0 to {len(items) - 1} work too.")

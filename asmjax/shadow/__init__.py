@@ -1,0 +1,16 @@
+"""Shadow algorithms: siblings behind one protocol, `ShadowAlgorithm`."""
+
+from asmjax.shadow.adaptive import AdaptiveShadowMap, CostModel, calibrate
+from asmjax.shadow.base import Cost, ShadowAlgorithm, Status
+from asmjax.shadow.uniform import UniformShadowMap, resolution_for
+
+__all__ = [
+    "AdaptiveShadowMap",
+    "Cost",
+    "CostModel",
+    "ShadowAlgorithm",
+    "Status",
+    "UniformShadowMap",
+    "calibrate",
+    "resolution_for",
+]

@@ -1,0 +1,40 @@
+"""Integer addresses in the light's image, exact at every level.
+
+Image coordinates become fixed-point integers of `BITS` fractional bits once; node, cell and texel
+indices at any power-of-two resolution are then shifts and masks of the same integer, so a point
+on a border belongs to one node only, at whatever level it is asked (hard_shadows reference 4,
+rows 12 and 13). Texel numbers beyond 2^31 never appear: a texel is addressed as (node, local).
+"""
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int
+
+BITS = 30
+"""Fractional bits of a fixed-point image coordinate: 2^30 steps per face side."""
+
+DEEPEST_LOG2 = 26
+"""log2 of the finest effective resolution; leaves 4 bits for the place within a texel."""
+
+
+def fixed_point(uv: Float[Array, "2 n"]) -> Int[Array, "2 n"]:
+    """Image coordinates in [0, 1) as int32 fixed-point numbers; clamped into the image."""
+    scaled = jnp.floor(uv * (1 << BITS))
+    # 2^30 - 64 is the largest float32 below 2^30: a clamp in float keeps the cast defined.
+    return jnp.clip(scaled, 0, (1 << BITS) - 64).astype(jnp.int32)
+
+
+def index_at(at: Int[Array, "2 n"], log2_resolution) -> Int[Array, "2 n"]:
+    """Texel, cell or node index (2, n) of fixed-point coordinates on a grid of 2**log2 a side."""
+    return at >> (BITS - log2_resolution)
+
+
+def centre_offset(
+    at: Int[Array, "2 n"], index: Int[Array, "2 n"], log2_resolution, dtype
+) -> Float[Array, "2 n"]:
+    """Image offset (du, dv) from fixed-point coordinates to the centre of texel `index`.
+
+    The difference is formed in integers: no digits cancel, at any level.
+    """
+    shift = BITS - log2_resolution
+    centre = (index << shift) + (1 << (shift - 1))
+    return (centre - at).astype(dtype) * (2.0**-BITS)

@@ -1,0 +1,96 @@
+"""The protocol that all shadow algorithms share."""
+
+import abc
+import enum
+from dataclasses import dataclass, field
+from typing import Generic, TypeVar
+
+import equinox as eqx
+import jax
+from jaxtyping import Array, Float
+
+from asmjax.buffers import EyeBuffer, LightRays, SurfacePoints
+from asmjax.geometry import LightFrame
+
+State = TypeVar("State")
+
+
+class Status(enum.Enum):
+    """How a build ended. Everything but `COMPLETE` says what to change."""
+
+    COMPLETE = "complete"
+    MEMORY_LIMIT = "the memory limit ended refinement: raise --memory-mb, or accept coarser shadows"
+    TIME_LIMIT = "the time limit ended refinement: raise --time-limit-ms, or call update again"
+    NODE_CAPACITY = (
+        "the node table is full before the memory is: use larger nodes (--node-resolution)"
+    )
+    PASS_LIMIT = "refinement did not settle within its passes: raise max_passes"
+
+    @property
+    def is_limit(self) -> bool:
+        """Whether something more could have been gained."""
+        return self is not Status.COMPLETE
+
+
+@dataclass(frozen=True)
+class Cost:
+    """What a state cost to build and holds in memory.
+
+    Attributes:
+        texels: texels stored.
+        bytes: bytes of all arrays of the state.
+        rays: light rays cast since the state was empty.
+        passes: launches of light rays since then.
+        seconds: wall time by stage, `build` (light rays, storing) and `analysis` (deciding).
+    """
+
+    texels: int
+    bytes: int
+    rays: int
+    passes: int
+    seconds: dict[str, float] = field(default_factory=dict)
+
+
+class ShadowAlgorithm(eqx.Module, Generic[State]):
+    """A shadow algorithm: frozen settings. Subclasses are final and hold all their fields.
+
+    `build` and `update` run on the host, may look at values, and choose shapes; `visibility` is
+    JAX, with one trace per shape.
+    """
+
+    reference: eqx.AbstractClassVar[str]
+    """Where the algorithm comes from."""
+
+    @property
+    @abc.abstractmethod
+    def name(self) -> str:
+        """Short name for tables, made of the family and its main setting."""
+
+    @abc.abstractmethod
+    def build(self, view: EyeBuffer, frame: LightFrame, rays: LightRays) -> State:
+        """A state from nothing, for this view and light."""
+
+    @abc.abstractmethod
+    def update(self, state: State, view: EyeBuffer, frame: LightFrame, rays: LightRays) -> State:
+        """The state for the next frame: what is still good is kept."""
+
+    @abc.abstractmethod
+    def visibility(self, state: State, points: SurfacePoints) -> Float[Array, " n"]:
+        """1 where a point is lit, 0 where it is in shadow; 0 where it is not valid."""
+
+    @abc.abstractmethod
+    def cost(self, state: State) -> Cost:
+        """What the state cost and holds, read from its arrays."""
+
+    @abc.abstractmethod
+    def status(self, state: State) -> Status:
+        """Whether the build reached what the settings ask for."""
+
+    @abc.abstractmethod
+    def effective_resolution(self, state: State) -> int:
+        """Texels per side of the flat map that would have the state's finest texels throughout."""
+
+
+def array_bytes(*trees) -> int:
+    """Bytes of all arrays in pytrees."""
+    return sum(leaf.nbytes for leaf in jax.tree.leaves(trees) if hasattr(leaf, "nbytes"))

@@ -1,0 +1,100 @@
+"""The shadow test of one receiver against one texel, shared by all maps.
+
+A texel stores what its centre's ray hits, so it is compared with the receiver's tangent plane
+met by *that* ray, not with the receiver's own depth (soft_and_hybrid reference 0.1): a plane at
+any slope then has no acne. A bias of a few roundings covers what is left. It is a distance along
+the normal, hence a depth that grows with the secant of the light's incidence, as the rounding of
+a depth on an inclined plane does.
+"""
+
+from typing import Literal, get_args
+
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int, UInt16
+
+from asmjax.buffers import Receivers
+from asmjax.errors import UseError
+
+Compare = Literal["depth", "id", "both"]
+"""What decides: depth alone, primitive id alone, or lit if either says so (Fernando et al. 2001,
+4.2: the id test has no bias, the depth test mends it along mesh edges)."""
+
+BIAS = 5e-6
+"""Distance along the receiver's normal by which a caster must be nearer, as a fraction of the
+receiver's depth: 5e-5 units at 10 units. A few float32 roundings; see `lit_by_texel`."""
+
+CURVATURE_BIAS = 0.2
+"""Further distance along the normal, in texel widths: within half a texel a surface that curves
+towards the light (or a concave edge of up to 0.2 radians between triangles) rises this far above
+the tangent plane. Shrinks with the texels, so it vanishes where a map is refined."""
+
+FLATTEST = 1 / 8
+"""A plane that leaves [1/8, 8] times the receiver's depth within a texel is not trusted."""
+
+
+def check_compare(compare: str) -> None:
+    """Raise `UseError` for an unknown comparison."""
+    if compare not in get_args(Compare):
+        allowed = ", ".join(get_args(Compare))
+        raise UseError(f"compare='{compare}' is not known; allowed: {allowed}.")
+
+
+def plane_depth(
+    receivers: Receivers, offset_uv: Float[Array, "2 n"], perspective: bool
+) -> Float[Array, " n"]:
+    """Axial depth of each receiver's tangent plane at an image offset (du, dv) from it."""
+    along = (receivers.slope * offset_uv).sum(axis=0)
+    depth = receivers.depth
+    if not perspective:
+        return depth + along
+    scale = 1 + along
+    trusted = (scale > FLATTEST) & (scale < 1 / FLATTEST)
+    return jnp.where(trusted, depth / jnp.where(trusted, scale, 1), depth)
+
+
+def lit_by_texel(
+    receivers: Receivers,
+    offset_uv: Float[Array, "2 n"],
+    texel: Float[Array, "..."] | float,
+    map_depth: Float[Array, " n"] | None,
+    map_prim: UInt16[Array, " n"] | None,
+    *,
+    bias: float,
+    perspective: bool,
+) -> Bool[Array, " n"]:
+    """Whether the texel `offset_uv` away lets light through to each receiver.
+
+    False where the receiver does not face the light: the same primitive's back side is dark.
+    `texel` is the texel's size in u and v, one number or (n,). `map_depth` and `map_prim` may be
+    None where the map does not store them.
+    """
+    lit = jnp.zeros_like(receivers.facing)
+    if map_depth is not None:
+        along_normal = bias * receivers.depth + CURVATURE_BIAS * texel * receivers.reach
+        tolerance = receivers.secant * along_normal
+        lit |= map_depth >= plane_depth(receivers, offset_uv, perspective) - tolerance
+    if map_prim is not None:
+        lit |= map_prim == pack_prim(receivers.prim)
+    return receivers.facing & lit
+
+
+def stored(compare: Compare, depth, prim):
+    """What a map keeps of a light buffer: (depth or None, packed primitive or None)."""
+    return (
+        None if compare == "id" else depth,
+        None if compare == "depth" else pack_prim(prim),
+    )
+
+
+def texel_bytes(compare: Compare) -> int:
+    """Bytes per texel: depth in float32, the packed primitive in two bytes."""
+    return {"depth": 4, "id": 2, "both": 6}[compare]
+
+
+def pack_prim(prim: Int[Array, "..."]) -> UInt16[Array, "..."]:
+    """Primitive ids as they are stored: their low 16 bits.
+
+    Primitives that lie near each other differ; two that share all 16 bits let light through only
+    where one blocks the other, about once in 65,536 blocked texels of a large scene.
+    """
+    return jnp.asarray(prim & 0xFFFF, jnp.uint16)

@@ -1,0 +1,166 @@
+"""The conventional shadow map: one resolution everywhere."""
+
+import time
+from typing import ClassVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, UInt16
+
+from asmjax.buffers import (
+    EyeBuffer,
+    LightRays,
+    Receivers,
+    SurfacePoints,
+    light_offset,
+    project,
+    whole_image,
+)
+from asmjax.errors import require
+from asmjax.footprint import straddles_discontinuity
+from asmjax.geometry import LightFrame
+from asmjax.shadow.base import Cost, ShadowAlgorithm, Status, array_bytes
+from asmjax.shadow.texel_test import (
+    BIAS,
+    Compare,
+    check_compare,
+    lit_by_texel,
+    stored,
+    texel_bytes,
+)
+
+
+class UniformState(eqx.Module):
+    """Flat maps of all faces, row by row: entry face * N * N + row * N + column."""
+
+    frame: LightFrame
+    depth: Float[Array, " texels"] | None
+    prim: UInt16[Array, " texels"] | None
+    seconds: float
+    rays: int
+
+
+class UniformShadowMap(ShadowAlgorithm[UniformState]):
+    """Williams' shadow map (1978), `resolution` texels a side per light face.
+
+    Attributes:
+        resolution: texels a side.
+        compare: what is stored and compared: "depth", "id", or "both".
+        bias: relative depth bias of the comparison.
+    """
+
+    resolution: int = 2048
+    compare: Compare = "depth"
+    bias: float = BIAS
+
+    reference: ClassVar[str] = "Williams 1978, Casting Curved Shadows on Curved Surfaces"
+
+    def __check_init__(self):
+        require(
+            1 <= self.resolution <= 2**15,
+            f"a flat map of {self.resolution} texels a side is not possible; allowed: 1 to 32768.",
+        )
+        check_compare(self.compare)
+
+    @property
+    def name(self) -> str:
+        suffix = "" if self.compare == "depth" else f"-{self.compare}"
+        return f"uniform-{self.resolution}{suffix}"
+
+    def build(self, view: EyeBuffer, frame: LightFrame, rays: LightRays) -> UniformState:
+        start = time.perf_counter()
+        windows = whole_image(frame, self.resolution)
+        buffer = rays.light_buffer(frame, windows)
+        depth, prim = stored(self.compare, buffer.depth.reshape(-1), buffer.prim.reshape(-1))
+        jax.block_until_ready((depth, prim))
+        seconds = time.perf_counter() - start
+        return UniformState(frame, depth, prim, seconds, windows.texels)
+
+    def update(self, state, view, frame, rays) -> UniformState:
+        return self.build(view, frame, rays)
+
+    def visibility(self, state: UniformState, points: SurfacePoints) -> Float[Array, " n"]:
+        offset = light_offset(points, state.frame)
+        return _visibility(
+            state.frame, state.depth, state.prim, points, offset,
+            self.resolution, self.bias,
+        )  # fmt: skip
+
+    def cost(self, state: UniformState) -> Cost:
+        return Cost(
+            texels=self.resolution**2 * state.frame.faces,
+            bytes=array_bytes(state.depth, state.prim),
+            rays=state.rays,
+            passes=1,
+            seconds={"build": state.seconds, "analysis": 0.0},
+        )
+
+    def status(self, state: UniformState) -> Status:
+        return Status.COMPLETE
+
+    def effective_resolution(self, state: UniformState) -> int:
+        return self.resolution
+
+    def straddling(self, state: UniformState, receivers: Receivers) -> Bool[Array, " n"]:
+        """Receivers whose 2 x 2 nearest texels disagree about them."""
+        return _straddling(
+            state.frame.perspective, state.depth, state.prim, receivers,
+            self.resolution, self.bias,
+        )  # fmt: skip
+
+
+def resolution_for(bytes_limit: int, faces: int, compare: Compare = "depth") -> int:
+    """The largest flat map per face whose arrays fit into `bytes_limit` bytes in all."""
+    side = int(np.sqrt(bytes_limit / (texel_bytes(compare) * faces)))
+    require(side >= 1, f"{bytes_limit} bytes hold no flat map; raise --memory-mb.")
+    return side
+
+
+def _texel(uv, resolution):
+    """Integer texel (2, n) of image coordinates, and their fractions of it."""
+    at = uv * resolution
+    index = jnp.clip(at.astype(jnp.int32), 0, resolution - 1)
+    return index, at - index
+
+
+def _outcome(depth, prim, receivers, texel, offset, resolution, bias, perspective):
+    n = resolution
+    flat = (receivers.face * n + texel[1]) * n + texel[0]
+    return lit_by_texel(
+        receivers,
+        offset / n,
+        1 / n,
+        None if depth is None else depth[flat],
+        None if prim is None else prim[flat],
+        bias=bias,
+        perspective=perspective,
+    )
+
+
+@eqx.filter_jit
+def _visibility(frame, depth, prim, points, offset, resolution: int, bias):
+    receivers = project(points, frame, offset)
+    texel, fraction = _texel(receivers.uv, resolution)
+    lit = _outcome(
+        depth, prim, receivers, texel, 0.5 - fraction, resolution, bias, frame.perspective
+    )
+    return lit.astype(points.position.dtype)
+
+
+@eqx.filter_jit
+def _straddling(perspective: bool, depth, prim, receivers, resolution: int, bias):
+
+    texel, fraction = _texel(receivers.uv, resolution)
+    side = jnp.where(fraction >= 0.5, 1, -1)
+    outcomes = []
+    for dy in (0, 1):
+        for dx in (0, 1):
+            step = side * jnp.array([[dx], [dy]])
+            tap = jnp.clip(texel + step, 0, resolution - 1)
+            offset = (tap - texel) + 0.5 - fraction
+            outcomes.append(
+                _outcome(depth, prim, receivers, tap, offset, resolution, bias, perspective)
+            )
+    return straddles_discontinuity(jnp.stack(outcomes)) & receivers.facing

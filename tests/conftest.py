@@ -1,0 +1,70 @@
+"""Shared by all tests: scratch caches, both precisions, seeded keys, hypothesis profiles.
+
+`HYPOTHESIS_PROFILE=ci` asks for 1,000 examples a property instead of 100.
+"""
+
+import atexit
+import os
+import shutil
+import tempfile
+import zlib
+
+import hypothesis
+import pytest
+
+# Before anything imports Dr.Jit. Workers of xdist inherit the folder of the process that made it.
+if "ASMJAX_TEST_SCRATCH" not in os.environ:
+    _scratch = tempfile.mkdtemp(prefix="asmjax-tests-")
+    atexit.register(shutil.rmtree, _scratch, ignore_errors=True)
+    os.environ["ASMJAX_TEST_SCRATCH"] = _scratch
+    os.environ["ASMJAX_CACHE_DIR"] = os.path.join(_scratch, "asmjax")
+    os.environ["DRJIT_CACHE_DIR"] = os.path.join(_scratch, "drjit")
+    os.environ["MPLBACKEND"] = "agg"
+
+# Compilation happens inside an example, so a deadline per example would measure the compiler.
+hypothesis.settings.register_profile("fast", max_examples=100, deadline=None)
+hypothesis.settings.register_profile("ci", max_examples=1000, deadline=None)
+hypothesis.settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "fast"))
+
+
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Skip what this machine cannot run, and say why."""
+    if item.get_closest_marker("mitsuba"):
+        from asmjax.errors import UseError
+        from asmjax.render.variant import activate
+
+        try:
+            activate()
+        except UseError as problem:
+            pytest.skip(f"no renderer: {problem}")
+    if item.get_closest_marker("gpu"):
+        import jax
+
+        if jax.default_backend() != "gpu":
+            pytest.skip(f"no CUDA device: JAX runs on {jax.default_backend()}")
+
+
+@pytest.fixture(params=["float32", "float64"])
+def dtype(request):
+    """Both precisions, one after the other; JAX's x64 mode is on only for float64."""
+    import jax
+
+    with jax.enable_x64(request.param == "float64"):
+        yield jax.numpy.dtype(request.param)
+
+
+@pytest.fixture
+def x64():
+    """JAX's x64 mode for one test."""
+    import jax
+
+    with jax.enable_x64(True):
+        yield
+
+
+@pytest.fixture
+def key(request):
+    """A random key that differs between tests and is the same in every run of a test."""
+    import jax
+
+    return jax.random.key(zlib.crc32(request.node.nodeid.encode()))

@@ -1,0 +1,194 @@
+"""The LLVM probe gives the right verdict and the next command, and never ends this process."""
+
+import dataclasses
+import glob
+import json
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from asmjax.render import llvm
+
+
+@pytest.fixture(autouse=True)
+def own_cache(monkeypatch, tmp_path):
+    """Each test remembers for itself, and no override is left from the machine."""
+    monkeypatch.setenv("ASMJAX_CACHE_DIR", str(tmp_path / "cache"))
+    monkeypatch.delenv("DRJIT_LIBLLVM_PATH", raising=False)
+
+
+@pytest.fixture
+def nothing_loaded(monkeypatch):
+    """As in a new process: a library of the test process itself would come first."""
+    monkeypatch.setattr(llvm, "_loaded_library", lambda: None)
+
+
+@pytest.fixture
+def child_runs(monkeypatch):
+    """Counts the child processes."""
+    runs = []
+    original = subprocess.run
+
+    def counted(*arguments, **options):
+        runs.append(arguments)
+        return original(*arguments, **options)
+
+    monkeypatch.setattr(subprocess, "run", counted)
+    return runs
+
+
+def installed(major: int) -> str:
+    """A real library of this version, or a skip that says so."""
+    found = sorted(glob.glob(f"/usr/lib/*-linux-gnu/libLLVM*{major}*.so*"))
+    found += sorted(glob.glob(f"/usr/lib/*-linux-gnu/libLLVM.so.{major}.*"))
+    if not found:
+        pytest.skip(f"libllvm{major} is not installed")
+    return found[0]
+
+
+def test_garbage_file_is_unusable(monkeypatch, tmp_path, nothing_loaded):
+    garbage = tmp_path / "libLLVM.so.19.1"
+    garbage.write_bytes(b"\x7fELF no library" * 100)
+    monkeypatch.setenv("DRJIT_LIBLLVM_PATH", str(garbage))
+    verdict = llvm.probe()
+    assert not verdict.usable
+    assert verdict.path == str(garbage)
+    assert "cannot be loaded" in verdict.reason
+    assert verdict.remedy == "unset DRJIT_LIBLLVM_PATH; apt-get install -y libllvm19"
+
+
+def test_missing_file_is_unusable(monkeypatch, tmp_path, nothing_loaded):
+    monkeypatch.setenv("DRJIT_LIBLLVM_PATH", str(tmp_path / "absent.so"))
+    verdict = llvm.probe()
+    assert not verdict.usable and "cannot be loaded" in verdict.reason
+
+
+def test_no_library_at_all(monkeypatch, tmp_path, nothing_loaded):
+    # Dr.Jit's own search cannot be redirected, so the child is stood in for.
+    monkeypatch.setattr(llvm, "_system_folders", lambda: [tmp_path])
+    monkeypatch.setenv("LD_LIBRARY_PATH", "")
+    monkeypatch.setattr(llvm, "_CHILD", "import sys; sys.exit('LLVM backend is inactive')")
+    verdict = llvm.probe()
+    assert verdict == llvm.Verdict(False, None, None, "no LLVM library found")
+    assert verdict.remedy == "apt-get install -y libllvm19"
+
+
+@pytest.mark.parametrize(
+    ("major", "reason"), [(14, "too old"), (15, "aborts the process"), (16, "aborts the process")]
+)
+def test_old_versions_are_unusable(monkeypatch, nothing_loaded, major, reason):
+    monkeypatch.setenv("DRJIT_LIBLLVM_PATH", installed(major))
+    verdict = llvm.probe()
+    if verdict.usable and major > 14:
+        pytest.skip(f"this processor's back end in LLVM {major} can select fminimum")
+    assert not verdict.usable and reason in verdict.reason
+    assert verdict.version is not None and verdict.version.startswith(str(major))
+
+
+def test_version_19_is_usable(monkeypatch, nothing_loaded):
+    monkeypatch.setenv("DRJIT_LIBLLVM_PATH", installed(19))
+    start = time.perf_counter()
+    verdict = llvm.probe()
+    assert time.perf_counter() - start < 20  # about 1 s when the machine is idle
+    assert verdict.usable and verdict.remedy == ""
+    assert verdict.version is not None and verdict.version.startswith("19.")
+
+
+def test_verdict_is_remembered_until_the_file_changes(
+    monkeypatch, tmp_path, nothing_loaded, child_runs
+):
+    library = tmp_path / "libLLVM.so"
+    library.write_bytes(b"one")
+    monkeypatch.setenv("DRJIT_LIBLLVM_PATH", str(library))
+    first = llvm.probe()
+    start = time.perf_counter()
+    assert llvm.probe() == first
+    assert time.perf_counter() - start < 0.1
+    assert len(child_runs) == 1
+    assert llvm.probe(refresh=True) == first and len(child_runs) == 2
+    library.write_bytes(b"other content")
+    llvm.probe()
+    assert len(child_runs) == 3
+
+
+@pytest.mark.parametrize("torn", ["", "{", '{"usable": true}', "[1, 2]", '{"surplus": 1}'])
+def test_torn_record_is_tried_again(monkeypatch, tmp_path, nothing_loaded, torn):
+    monkeypatch.setenv("DRJIT_LIBLLVM_PATH", str(tmp_path / "absent.so"))
+    verdict = llvm.probe()
+    (record,) = (tmp_path / "cache" / "llvm").iterdir()
+    assert json.loads(record.read_text()) == dataclasses.asdict(verdict)
+    record.write_text(torn)
+    assert llvm.probe() == verdict
+
+
+def test_works_without_a_writable_cache(monkeypatch, tmp_path, nothing_loaded):
+    blocked = tmp_path / "a_file"
+    blocked.write_text("")
+    monkeypatch.setenv("ASMJAX_CACHE_DIR", str(blocked / "below"))
+    monkeypatch.setenv("DRJIT_LIBLLVM_PATH", str(tmp_path / "absent.so"))
+    assert not llvm.probe().usable
+
+
+def test_child_that_hangs_is_unusable(monkeypatch, nothing_loaded):
+    monkeypatch.setattr(llvm, "PROBE_SECONDS", 0.2)
+    monkeypatch.setattr(llvm, "_CHILD", "import time; time.sleep(60)")
+    verdict = llvm.probe()
+    assert not verdict.usable and "longer than" in verdict.reason
+
+
+def test_child_that_dies_is_unusable(monkeypatch, nothing_loaded):
+    monkeypatch.setattr(llvm, "_CHILD", "import os; os.kill(os.getpid(), 11)")
+    verdict = llvm.probe()
+    assert not verdict.usable
+
+
+def test_search_order(monkeypatch, tmp_path, nothing_loaded):
+    system, extra = tmp_path / "system", tmp_path / "extra"
+    system.mkdir()
+    extra.mkdir()
+    monkeypatch.setattr(llvm, "_system_folders", lambda: [system])
+    monkeypatch.setenv("LD_LIBRARY_PATH", "")
+    assert llvm.find_library() is None
+    for name in ("libLLVM-14.0.6.so.1", "libLLVM-15.so.1", "libLLVM.so.19.1"):
+        (system / name).write_text("")
+    (system / "libLLVM.so.99").symlink_to(system / "libLLVM-14.0.6.so.1")
+    assert llvm.find_library() == system / "libLLVM.so.19.1"
+    (extra / "libLLVM.so").write_text("")
+    monkeypatch.setenv("LD_LIBRARY_PATH", str(extra))
+    assert llvm.find_library() == extra / "libLLVM.so"
+    monkeypatch.setenv("DRJIT_LIBLLVM_PATH", "/named/by/hand.so")
+    assert llvm.find_library() == Path("/named/by/hand.so")
+
+
+@pytest.mark.parametrize(
+    ("name", "version"),
+    [
+        ("libLLVM-14.0.6.so.1", "14.0.6"),
+        ("libLLVM-15.so.1", "15"),
+        ("libLLVM.so.19.1", "19.1"),
+        ("libLLVM.so", None),
+        ("other.so.3", None),
+    ],
+)
+def test_version_of_file_name(name, version):
+    assert llvm._version_of(Path("/lib") / name) == version
+
+
+def test_as_a_program(monkeypatch, tmp_path):
+    monkeypatch.setenv("DRJIT_LIBLLVM_PATH", str(tmp_path / "absent.so"))
+    done = subprocess.run(
+        [sys.executable, "-m", "asmjax.render.llvm"], capture_output=True, text=True
+    )
+    assert done.returncode == 1 and done.stderr == ""
+    assert done.stdout.count("\n") == 1 and "remedy:" in done.stdout
+
+
+def test_import_starts_nothing():
+    code = (
+        "import sys, asmjax.render.llvm, asmjax.render.variant; "
+        "sys.exit(bool({'mitsuba', 'drjit', 'jax'} & set(sys.modules)))"
+    )
+    assert subprocess.run([sys.executable, "-c", code]).returncode == 0
