@@ -71,7 +71,7 @@ class LightRays(abc.ABC):
     def closest(
         self, origins: np.ndarray, directions: np.ndarray, t_min: float = 0.0
     ) -> tuple[np.ndarray, np.ndarray]:
-        """First hits of world rays (3, n): parameter t, +inf for a miss, and primitive, (n,) each."""
+        """First hits of world rays (3, n): t (n,), +inf for a miss, and primitive (n,)."""
 
     @abc.abstractmethod
     def occluded(self, origins: np.ndarray, directions: np.ndarray, t_max: float) -> np.ndarray:

@@ -34,7 +34,7 @@ class Mesh:
 
 @dataclass(frozen=True)
 class Rectangle:
-    """`centre + a * half_u + b * half_v`, |a|, |b| <= 1, with `half_u` perpendicular to `half_v`."""
+    """`centre + a * half_u + b * half_v`, |a|, |b| <= 1; `half_u` is perpendicular to `half_v`."""
 
     name: str
     centre: Vector
