@@ -6,18 +6,25 @@ from jaxtyping import Array, Float
 Values = Float[Array, "..."]
 
 
+LEAST_DEPTH = 1e-12
+"""Points nearer than this along an axis, in scene units, are not in front of it."""
+
+
 def safe_divide(numerator, denominator, otherwise=0.0):
-    """`numerator / denominator`, and `otherwise` where the denominator is 0."""
-    zero = denominator == 0
+    """`numerator / denominator`, and `otherwise` where the denominator is 0.
+
+    So small that its square underflows counts as 0: the gradient divides by the square.
+    """
+    zero = jnp.abs(denominator) < jnp.finfo(denominator.dtype).tiny ** 0.5
     ratio = numerator / jnp.where(zero, jnp.ones_like(denominator), denominator)
     return jnp.where(zero, jnp.asarray(otherwise, ratio.dtype), ratio)
 
 
-def safe_log2(x, otherwise):
-    """`log2(x)`, and `otherwise` where `x` is not positive."""
-    bad = ~(x > 0)
+def safe_log2(x, least):
+    """`log2(x)`, and `least` with a zero gradient where `x` is below 2**least."""
+    bad = ~(x > jnp.exp2(jnp.asarray(least, x.dtype)))
     value = jnp.log2(jnp.where(bad, jnp.ones_like(x), x))
-    return jnp.where(bad, jnp.asarray(otherwise, value.dtype), value)
+    return jnp.where(bad, jnp.asarray(least, value.dtype), value)
 
 
 def safe_sqrt(x):

@@ -7,7 +7,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from asmjax.buffers.points import SurfacePoints
 from asmjax.geometry import LightFrame
-from asmjax.numerics import dot, safe_divide, safe_sqrt
+from asmjax.numerics import LEAST_DEPTH, dot, safe_divide, safe_sqrt
 
 GRAZING = 1e-4
 """Below this cosine between normal and light ray the receiver plane says nothing about depth."""
@@ -66,34 +66,46 @@ def _on_face(points: SurfacePoints, frame: LightFrame, face: int, world) -> Rece
     def cast(a):
         return jnp.asarray(a, world.dtype)
 
-    u_axis, v_axis, w_axis = (cast(frame.rotation[face, i])[:, None] for i in range(3))
-    depth = dot(w_axis, world)
-    in_front = points.valid & (depth > cast(frame.near))
-    depth = jnp.where(in_front, depth, 1)
-    normal = [dot(axis, points.normal) for axis in (u_axis, v_axis, w_axis)]
-    x, y = dot(u_axis, world), dot(v_axis, world)
-    extent, corner = cast(frame.extent[face]), cast(frame.corner[face])
-    reach = extent.max() * jnp.ones_like(depth)
+    axes, extent, corner = (cast(a[face]) for a in (frame.rotation, frame.extent, frame.corner))
+    position = [dot(axis, world) for axis in axes]
+    normal = [dot(axis, points.normal) for axis in axes]
+    x, y, depth = position
+    shone_on = points.valid & (depth > cast(frame.near))
+    if frame.perspective:
+        scale = depth
+        shone_on &= depth > LEAST_DEPTH
+        axial = dot(cast(frame.cone_axis), world)
+        shone_on &= axial > cast(frame.cos_cutoff) * safe_sqrt(dot(world, world))
+    else:
+        scale = jnp.ones_like(depth)
+    # Inside before dividing: nothing outside reaches a quotient, in value or gradient.
+    for k in range(2):
+        along = position[k] - corner[k] * scale
+        shone_on &= (along >= 0) & (along < extent[k] * scale)
+    x, y = jnp.where(shone_on, x, 0), jnp.where(shone_on, y, 0)
+    depth = jnp.where(shone_on, depth, 1)
+    reach = jnp.maximum(extent[0], extent[1]) * jnp.ones_like(depth)
     if frame.perspective:
         x, y = x / depth, y / depth
         along = normal[0] * x + normal[1] * y + normal[2]
         length = jnp.sqrt(x * x + y * y + 1)
         reach = reach * depth
-        axial = dot(cast(frame.cone_axis)[:, None], world)
-        in_front &= axial > cast(frame.cos_cutoff) * safe_sqrt(dot(world, world))
     else:
         along, length = normal[2], jnp.ones_like(depth)
-    uv = (jnp.stack([x, y]) - corner[:, None]) / extent[:, None]
-    facing = in_front & jnp.all((uv >= 0) & (uv < 1), axis=0) & (along < 0)
+    u, v = (safe_divide(p - corner[k], extent[k]) for k, p in enumerate((x, y)))
+    facing = shone_on & (u >= 0) & (u < 1) & (v >= 0) & (v < 1) & (along < 0)
     edge_on = jnp.abs(along) < GRAZING * length
-    tilt = jnp.stack(normal[:2]) * extent[:, None]
-    slope = safe_divide(tilt, jnp.where(edge_on, 0, along)[None])
+    steepness = jnp.where(edge_on, 0, 1 / jnp.where(edge_on, 1, along))
+    if not frame.perspective:
+        steepness = -steepness
     secant = length / jnp.maximum(jnp.abs(along), GRAZING * length)
     return Receivers(
         face=jnp.full_like(points.prim, face),
-        uv=jnp.where(facing, uv, 0.5),
+        uv=jnp.stack([jnp.where(facing, u, 0.5), jnp.where(facing, v, 0.5)]),
         depth=jnp.where(facing, depth, 1),
-        slope=jnp.where(facing, slope if frame.perspective else -slope, 0),
+        slope=jnp.stack(
+            [jnp.where(facing, normal[k] * extent[k] * steepness, 0) for k in range(2)]
+        ),
         secant=jnp.where(facing, secant, 1),
         reach=reach,
         prim=points.prim,

@@ -18,11 +18,16 @@ def perspective_area(position, normal, axis, focal):
         focal: (2,) focal lengths in pixels.
 
     Returns:
-        (n,) area; +inf where the plane is seen edge-on.
+        (n,) area; +inf where the plane is seen edge-on, to within rounding, or from behind.
     """
     depth = dot(axis[:, None], position)
     along = jnp.abs(dot(normal, position))
-    return safe_divide(depth**3, focal[0] * focal[1] * along, jnp.inf)
+    seen = (depth > 0) & (along > jnp.finfo(depth.dtype).eps * depth)
+    depth = jnp.where(seen, depth, 1)
+    # z / (n . X) first: z^3 alone leaves the range of float32 in large and in small scenes.
+    slant = safe_divide(depth, jnp.where(seen, along, 1))
+    pixel = depth / focal[0] * (depth / focal[1])
+    return jnp.where(seen, slant * pixel, jnp.inf)
 
 
 def orthographic_area(normal, axis, texel):
@@ -32,5 +37,10 @@ def orthographic_area(normal, axis, texel):
         normal: (3, n) unit normals.
         axis: (3,) unit direction of the rays.
         texel: (2,) texel size in scene units.
+
+    Returns:
+        (n,) area; +inf where the plane is parallel to the rays, to within rounding.
     """
-    return safe_divide(texel[0] * texel[1], jnp.abs(dot(normal, axis[:, None])), jnp.inf)
+    cosine = jnp.abs(dot(normal, axis[:, None]))
+    seen = cosine > jnp.finfo(cosine.dtype).eps
+    return jnp.where(seen, texel[0] * texel[1] / jnp.where(seen, cosine, 1), jnp.inf)

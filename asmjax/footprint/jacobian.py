@@ -9,28 +9,46 @@ from jaxtyping import Array, Float
 
 from asmjax.buffers import Receivers, SurfacePoints
 from asmjax.geometry import Camera, LightFrame
-from asmjax.numerics import dot, safe_divide, safe_sqrt
+from asmjax.numerics import LEAST_DEPTH, dot, safe_divide, safe_sqrt
+
+OFF_AXIS = 1e-4
+"""Points whose axial depth is a smaller part of their distance are not in any camera's image."""
+
+LARGEST = 2.0**40
+"""Entries of a Jacobian are clipped here: squares of them stay in the range of float32."""
 
 
 def surface_tangents(points: SurfacePoints, camera: Camera) -> Float[Array, "2 3 n"]:
     """World motion of the seen point per pixel step right and down: (2, 3, n), scene units.
 
-    dX/du_i = (z / F_i) (e_i - D (n . e_i) / (n . D)), D = (X - C) / z. Points must be relative to
-    the camera's own position. 0 where the surface is seen edge-on or not valid.
+    Points must be relative to the camera's own position. 0 where not valid or not in front. A
+    surface seen more edge-on than the square root of the rounding unit is taken at that angle:
+    beyond, the difference of two such tangents has lost half of its digits.
     """
-    dtype = points.position.dtype
-    right, down, forward = (jnp.asarray(row, dtype)[:, None] for row in camera.rotation)
+    return jnp.stack([jnp.stack(rows) for rows in _tangents(points, camera)])
+
+
+def _tangents(points: SurfacePoints, camera: Camera):
+    """Rows of `surface_tangents`: dX/du_i = (z / F_i) (e_i - D (n . e_i) / (n . D)), D = X / z."""
+    position, normal = points.position, points.normal
+    dtype = position.dtype
+    right, down, forward = (jnp.asarray(row, dtype) for row in camera.rotation)
     focal = jnp.asarray(camera.focal, dtype)
-    depth = dot(forward, points.position)
-    depth = jnp.where(points.valid, depth, 1)
-    ray = points.position / depth
-    along = dot(points.normal, ray)
+    depth = dot(forward, position)
+    farthest = jnp.maximum(jnp.maximum(*jnp.abs(position[:2])), jnp.abs(position[2]))
+    seen = points.valid & (depth > OFF_AXIS * farthest) & (depth > LEAST_DEPTH)
+    depth = jnp.where(seen, depth, 1)
+    ray = [jnp.where(seen, x, 0) / depth for x in position]
+    along = dot(normal, ray)
+    least = jnp.finfo(dtype).eps ** 0.5
+    along = jnp.where(along < 0, jnp.minimum(along, -least), jnp.maximum(along, least))
 
     def step(axis, f):
-        slide = safe_divide(dot(points.normal, axis), along)
-        return jnp.where(along == 0, 0, (depth / f) * (axis - ray * slide))
+        slide = dot(normal, axis) / along
+        scale = jnp.where(seen, depth / f, 0)
+        return [scale * (axis[j] - ray[j] * slide) for j in range(3)]
 
-    return jnp.stack([step(right, focal[0]), step(down, focal[1])])
+    return step(right, focal[0]), step(down, focal[1])
 
 
 def uv_jacobian(
@@ -39,26 +57,26 @@ def uv_jacobian(
     """d(u, v) / d(pixel right, pixel down): (2, 2, n); multiply by a resolution for texels.
 
     For a perspective light J_ki = (e_k - p_k e_w) . dX/du_i / (z_l extent_k), for an orthographic
-    one e_k . dX/du_i / extent_k. `offset` is `light_offset(points, frame)`. 0 where not facing.
+    one e_k . dX/du_i / extent_k. 0 where not facing.
     """
     dtype = points.position.dtype
-    tangents = surface_tangents(points, camera)
-    result = jnp.zeros((2, 2, points.count), dtype)
+    tangents = _tangents(points, camera)
+    rows = [[jnp.zeros(points.count, dtype)] * 2] * 2
     for face in range(frame.faces):
-        axes = [jnp.asarray(frame.rotation[face, i], dtype)[:, None] for i in range(3)]
+        axes = jnp.asarray(frame.rotation[face], dtype)
         extent = jnp.asarray(frame.extent[face], dtype)
         corner = jnp.asarray(frame.corner[face], dtype)
-        rows = []
-        for k in range(2):
-            along = jnp.stack([dot(axes[k], tangents[i]) for i in range(2)])
+        mine = receivers.facing & (receivers.face == face)
+
+        def entry(k, i, axes=axes, extent=extent, corner=corner):
+            along = dot(axes[k], tangents[i])
             if frame.perspective:
                 plane = corner[k] + receivers.uv[k] * extent[k]
-                axial = jnp.stack([dot(axes[2], tangents[i]) for i in range(2)])
-                along = (along - plane * axial) / receivers.depth
-            rows.append(along / extent[k])
-        mine = receivers.facing & (receivers.face == face)
-        result = jnp.where(mine, jnp.stack(rows), result)
-    return result
+                along = (along - plane * dot(axes[2], tangents[i])) / receivers.depth
+            return jnp.clip(along / extent[k], -LARGEST, LARGEST)
+
+        rows = [[jnp.where(mine, entry(k, i), rows[k][i]) for i in range(2)] for k in range(2)]
+    return jnp.stack([jnp.stack(row) for row in rows])
 
 
 def determinant(jacobian: Float[Array, "2 2 n"]) -> Float[Array, " n"]:

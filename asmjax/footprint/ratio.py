@@ -11,8 +11,9 @@ from jaxtyping import Array, Float
 from asmjax.footprint.jacobian import determinant, singular_values
 from asmjax.numerics import safe_log2
 
-LOG2_WORST = 60.0
-"""log2 of the linear ratio that stands for "no resolution is enough": a light edge-on."""
+LOG2_WORST = 30.0
+"""log2 of the linear ratio, for one texel per face side, that stands for "no resolution is enough":
+a light edge-on. Area ratios of it, and their gradients, still are float32 numbers."""
 
 
 def log2_linear_ratio(jacobian: Float[Array, "2 2 n"], resolution) -> Float[Array, " n"]:

@@ -4,6 +4,7 @@ Everything that comes back is copied once, with its dtype asserted.
 """
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -16,8 +17,29 @@ LANES = 1 << 24
 """Texels cast in one launch at most; larger requests are cut (memory: about 40 bytes a texel)."""
 
 
+def _rows(v) -> np.ndarray:
+    return np.stack([component.numpy() for component in v])
+
+
 def _f32(a: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(a, np.float32)
+
+
+class FirstSurfaces(NamedTuple):
+    """First hits of world rays, as the renderer has them.
+
+    Attributes:
+        t: (n,) float32 ray parameter, +inf for a miss.
+        prim, shape: (n,) int32 global primitive id and dense shape id, -1 for a miss.
+        albedo: (3, n) float32 diffuse reflectance, 0 for a miss.
+        normal: (3, n) float32 geometric normal, as the shape defines it; 0 for a miss.
+    """
+
+    t: np.ndarray
+    prim: np.ndarray
+    shape: np.ndarray
+    albedo: np.ndarray
+    normal: np.ndarray
 
 
 class MitsubaRays(LightRays):
@@ -68,8 +90,10 @@ class MitsubaRays(LightRays):
         return t.numpy().astype(np.float64), prim.numpy(), shape.numpy()
 
     def _intersect(self, ray):
+        return self._identify(self.scene.ray_intersect_preliminary(ray, coherent=True))
+
+    def _identify(self, hit):
         mi, dr = self.mi, self._dr
-        hit = self.scene.ray_intersect_preliminary(ray, coherent=True)
         valid = hit.is_valid()
         raw = dr.reinterpret_array(mi.UInt32, hit.shape)
         first = dr.gather(mi.Int32, self._offsets, raw, valid)
@@ -115,24 +139,41 @@ class MitsubaRays(LightRays):
         test = self.scene.ray_test
         return lambda: np.fromiter((test(ray) for ray in rays), bool, len(rays))
 
-    def surface(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Diffuse reflectance and geometric normal (3, n) float32 of what world rays hit first."""
+    def first_surfaces(self, origins: np.ndarray, directions: np.ndarray) -> FirstSurfaces:
+        """What world rays (3, n) hit first, and what it looks like there, in one cast."""
         mi = self.mi
         if self.vectorised:
+            dr = self._dr
             ray = mi.Ray3f(mi.Point3f(_f32(origins)), mi.Vector3f(_f32(directions)))
-            hit = self.scene.ray_intersect(ray, mi.RayFlags.Minimal, coherent=True)
-            albedo = hit.bsdf().eval_diffuse_reflectance(hit, hit.is_valid())
-            return np.array(albedo, np.float32), np.array(hit.n, np.float32)
+            found = self.scene.ray_intersect_preliminary(ray, coherent=True)
+            valid = found.is_valid()
+            # Textures need uv; two-sided materials need a shading frame to know their side.
+            hit = found.compute_surface_interaction(ray, mi.RayFlags.All)
+            albedo = hit.bsdf().eval_diffuse_reflectance(hit, valid)
+            albedo, normal = (dr.select(valid, v, 0.0) for v in (albedo, mi.Vector3f(hit.n)))
+            t, prim, shape = self._identify(found)
+            dr.eval(t, prim, shape, albedo, normal)
+            return FirstSurfaces(
+                t.numpy(), prim.numpy(), shape.numpy(), _rows(albedo), _rows(normal)
+            )
+        n = directions.shape[1]
+        result = FirstSurfaces(
+            t=np.full(n, np.inf, np.float32),
+            prim=np.full(n, -1, np.int32),
+            shape=np.full(n, -1, np.int32),
+            albedo=np.zeros((3, n), np.float32),
+            normal=np.zeros((3, n), np.float32),
+        )
         ray3, point, vector = mi.Ray3f, mi.Point3f, mi.Vector3f
-        albedo = np.zeros((3, directions.shape[1]), np.float32)
-        normal = np.zeros_like(albedo)
         rays = zip(_f32(origins).T.tolist(), _f32(directions).T.tolist(), strict=True)
         for k, (o, d) in enumerate(rays):
             hit = self.scene.ray_intersect(ray3(point(*o), vector(*d)))
             if hit.is_valid():
-                albedo[:, k] = hit.bsdf().eval_diffuse_reflectance(hit)
-                normal[:, k] = hit.n
-        return albedo, normal
+                first, result.shape[k] = self._ids[_key(hit.shape)]
+                result.t[k], result.prim[k] = hit.t, first + hit.prim_index
+                result.albedo[:, k] = hit.bsdf().eval_diffuse_reflectance(hit)
+                result.normal[:, k] = hit.n
+        return result
 
     def light_buffer(self, frame: LightFrame, windows: TexelWindows) -> LightBuffer:
         """All windows in one launch; rays are formed on the device from nine numbers a window."""

@@ -4,12 +4,15 @@ import numpy as np
 
 from asmjax.buffers import EyeBuffer, eye_buffer
 from asmjax.geometry import Camera
-from asmjax.render.caster import MitsubaRays
+from asmjax.render.caster import FirstSurfaces, MitsubaRays
 from asmjax.render.geometry import NOT_A_MESH, SceneGeometry, meet_planes
+
+_BLOCK = 1 << 14
+"""Pixels whose float64 temporaries fit the processor's cache."""
 
 
 def cast_eye(
-    mi, rays: MitsubaRays, geometry: SceneGeometry, camera: Camera, offset=(0.0, 0.0)
+    rays: MitsubaRays, geometry: SceneGeometry, camera: Camera, offset=(0.0, 0.0)
 ) -> EyeBuffer:
     """Cast one eye ray per pixel, `offset` pixels right and down of the pixel centres.
 
@@ -18,35 +21,56 @@ def cast_eye(
     Mitsuba's float32 hit.
     """
     columns, rows = camera.centres()
-    directions = camera.directions(columns + offset[0], rows + offset[1])
-    start = camera.origin[:, None] + camera.near * directions
-    t, prim, shape = rays.hits(start, directions)
-    t += camera.near
-    hit = (prim >= 0) & (t <= camera.far)
+    n = columns.size
+    blocks = [slice(start, start + _BLOCK) for start in range(0, n, _BLOCK)]
+    directions = np.empty((3, n))
+    start = np.empty((3, n), np.float32)
+    for block in blocks:
+        directions[:, block] = camera.directions(
+            columns[block] + offset[0], rows[block] + offset[1]
+        )
+        start[:, block] = camera.origin[:, None] + camera.near * directions[:, block]
+    seen = rays.first_surfaces(start, directions)
+    world, normal = np.empty((3, n)), np.empty((3, n))
+    depth = np.empty(n)
+    for block in blocks:
+        world[:, block], normal[:, block], depth[block] = _exact(
+            geometry, camera, directions[:, block], FirstSurfaces(*(a[..., block] for a in seen))
+        )
+    missed = np.isinf(depth)
+    for array, nothing in ((seen.prim, -1), (seen.shape, -1), (seen.albedo, 0)):
+        array[..., missed] = nothing
+    return eye_buffer(
+        camera,
+        world=world,
+        normal=normal,
+        depth=depth,
+        prim=seen.prim,
+        shape=seen.shape,
+        albedo=seen.albedo,
+    )
+
+
+def _exact(
+    geometry: SceneGeometry, camera: Camera, directions: np.ndarray, seen: FirstSurfaces
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Position (3, n), normal (3, n) on the eye's side, and axial depth (n,) of some pixels.
+
+    NaN, 0 and +inf where nothing is seen.
+    """
+    t = camera.near + seen.t.astype(np.float64)
+    hit = (seen.prim >= 0) & (t <= camera.far)
+    mesh = hit & (geometry.faces[0][seen.prim] != NOT_A_MESH)
     normal = np.zeros_like(directions)
-    on_mesh = np.flatnonzero(hit & (geometry.faces[0][prim] != NOT_A_MESH))
+    on_mesh = np.flatnonzero(mesh)
     exact, normal[:, on_mesh] = meet_planes(
-        geometry, prim[on_mesh], camera.origin, directions[:, on_mesh]
+        geometry, seen.prim[on_mesh], camera.origin, directions[:, on_mesh]
     )
     sane = np.isfinite(exact) & (exact > 0)
     t[on_mesh] = np.where(sane, exact, t[on_mesh])
     hit[on_mesh[~sane]] = False
-    other = np.flatnonzero(hit & (geometry.faces[0][prim] == NOT_A_MESH))
+    other = np.flatnonzero(hit & ~mesh)
+    towards_eye = -np.sign(np.einsum("in,in->n", seen.normal[:, other], directions[:, other]))
+    normal[:, other] = seen.normal[:, other] * np.where(towards_eye == 0, 1, towards_eye)
     world = np.where(hit, camera.origin[:, None] + np.where(hit, t, 0.0) * directions, np.nan)
-    seen = np.flatnonzero(hit)
-    albedo = np.zeros((3, hit.size), np.float32)
-    albedo[:, seen], smooth = rays.surface(start[:, seen], directions[:, seen])
-    if other.size:
-        where = np.searchsorted(seen, other)
-        normal[:, other] = smooth[:, where]
-        away = np.einsum("in,in->n", normal[:, other], directions[:, other]) > 0
-        normal[:, other[away]] *= -1
-    return eye_buffer(
-        camera,
-        world=world,
-        normal=np.where(hit, normal, 0.0),
-        depth=np.where(hit, t, np.inf),
-        prim=np.where(hit, prim, -1).astype(np.int32),
-        shape=np.where(hit, shape, -1).astype(np.int32),
-        albedo=albedo,
-    )
+    return world, np.where(hit, normal, 0.0), np.where(hit, t, np.inf)

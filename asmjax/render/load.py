@@ -73,7 +73,7 @@ class Scene:
 
         Raises `UseError` where the view sees nothing.
         """
-        buffer = cast_eye(self._mi, self._rays, self.geometry, view.camera(), offset)
+        buffer = cast_eye(self._rays, self.geometry, view.camera(), offset)
         if not buffer.valid.any():
             raise UseError(
                 f"view '{view.name}' of scene '{self.name}' sees no surface; choose another "

@@ -28,8 +28,8 @@ CURVATURE_BIAS = 0.2
 towards the light (or a concave edge of up to 0.2 radians between triangles) rises this far above
 the tangent plane. Shrinks with the texels, so it vanishes where a map is refined."""
 
-FLATTEST = 1 / 8
-"""A plane that leaves [1/8, 8] times the receiver's depth within a texel is not trusted."""
+FLATTEST = 1 / 16
+"""A plane that leaves [1/16, 16] times the receiver's depth within a texel is not trusted."""
 
 
 def check_compare(compare: str) -> None:
@@ -42,14 +42,28 @@ def check_compare(compare: str) -> None:
 def plane_depth(
     receivers: Receivers, offset_uv: Float[Array, "2 n"], perspective: bool
 ) -> Float[Array, " n"]:
-    """Axial depth of each receiver's tangent plane at an image offset (du, dv) from it."""
+    """Axial depth of each receiver's tangent plane at an image offset (du, dv) from it.
+
+    Where the plane is not trusted there (see `plane_is_trusted`), the receiver's own depth.
+    """
     along = (receivers.slope * offset_uv).sum(axis=0)
-    depth = receivers.depth
     if not perspective:
-        return depth + along
-    scale = 1 + along
-    trusted = (scale > FLATTEST) & (scale < 1 / FLATTEST)
-    return jnp.where(trusted, depth / jnp.where(trusted, scale, 1), depth)
+        return receivers.depth + along
+    trusted = plane_is_trusted(receivers, offset_uv, perspective)
+    return receivers.depth / jnp.where(trusted, 1 + along, 1)
+
+
+def plane_is_trusted(
+    receivers: Receivers, offset_uv: Float[Array, "2 n"], perspective: bool
+) -> Bool[Array, " n"]:
+    """Whether a texel `offset_uv` away can decide about each receiver at all.
+
+    On a plane seen nearly edge-on a coarse texel's ray meets it far away, or never.
+    """
+    if not perspective:
+        return jnp.ones_like(receivers.facing)
+    scale = 1 + (receivers.slope * offset_uv).sum(axis=0)
+    return (scale > FLATTEST) & (scale < 1 / FLATTEST)
 
 
 def lit_by_texel(

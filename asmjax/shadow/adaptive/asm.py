@@ -85,8 +85,8 @@ class AdaptiveShadowMap(ShadowAlgorithm[AdaptiveState]):
         measure: what "size" means: "axis" is the worst direction (m), "area" the square root of
             the area ratio (the paper's).
         compare, bias: the shadow test; see `asmjax.shadow.texel_test`.
-        cover: after the edges, also match pixels that no edge was seen near, with at most half
-            of the memory that is left: finds casters that fell between the first texels.
+        cover: also refine where no edge was seen, with a quarter of the free memory before the
+            edges and another after them: finds casters that fell between the first texels.
         finest_ratio: memory still left is spent on finer texels along the edges down to this
             texel / pixel size; equal to `ratio_target` spends nothing.
         max_passes: passes of one build or update.
@@ -240,6 +240,8 @@ class AdaptiveShadowMap(ShadowAlgorithm[AdaptiveState]):
         if not self.cover and not modern:
             yield Wish.EDGES, 1.0, self.max_passes
             return
+        if self.cover:
+            yield Wish.COARSE_COVERAGE, 0.25, 1
         yield Wish.EDGES, 0.5, self.max_passes
         if self.cover:
             yield Wish.COVERAGE, 0.25, 1

@@ -1,5 +1,6 @@
 """Deciding what to refine: which pixels a finer map would help, and in which order."""
 
+import math
 from enum import Enum
 from functools import partial
 
@@ -11,17 +12,22 @@ from jaxtyping import Array, Bool, Float, Int
 
 from asmjax.buffers import Receivers
 from asmjax.footprint import required_level, straddles_discontinuity
-from asmjax.shadow.adaptive.address import BITS, fixed_point
+from asmjax.shadow.adaptive.address import BITS, centre_offset, fixed_point
 from asmjax.shadow.adaptive.cost_model import CostModel
 from asmjax.shadow.adaptive.pool import Requests
-from asmjax.shadow.adaptive.tree import Tree, TreeShape, find_pages, page_outcome
+from asmjax.shadow.adaptive.tree import Tree, TreeShape, find_pages, page_outcome, texel_of
+from asmjax.shadow.texel_test import plane_is_trusted
+
+COARSE = 4.0
+"""Texel / pixel size, over the matched one, that coarse coverage is content with."""
 
 
 class Wish(Enum):
     """What a pass looks for."""
 
     EDGES = "mismatched pixels that straddle a discontinuity (Fernando et al. 2001)"
-    COVERAGE = "all mismatched pixels: finds what the starting resolution missed"
+    COARSE_COVERAGE = "all pixels `COARSE` times too coarse: finds what the first texels missed"
+    COVERAGE = "all mismatched pixels"
     FINER_EDGES = "pixels that straddle a discontinuity, one level beyond what they have"
 
 
@@ -87,12 +93,15 @@ class Analysis(eqx.Module):
         level: (n,) level of the page that serves each receiver now.
         target: (n,) level at which it is matched.
         finest: (n,) deepest level worth having for it.
-        straddles: (n,) whether the 2 x 2 texels around it disagree about it.
+        coarse: (n,) level at which its texels are `COARSE` times as large.
+        straddles: (n,) whether the 2 x 2 texels around it disagree about it, or one of them
+            cannot decide.
     """
 
     level: Int[Array, " n"]
     target: Int[Array, " n"]
     finest: Int[Array, " n"]
+    coarse: Int[Array, " n"]
     straddles: Bool[Array, " n"]
 
 
@@ -122,13 +131,13 @@ def analyse(
     # Half a texel in fixed point: its bit says which neighbours are nearest.
     half = (at >> (BITS - 1 - shape.log2_resolution(level))) & 1
     side = jnp.where(half == 1, 1, -1).astype(at.dtype)
-    taps = jnp.stack(
-        [
-            outcome(side * jnp.array([[dx], [dy]], at.dtype), **rules)
-            for dy in (0, 1)
-            for dx in (0, 1)
-        ]
-    )
+    steps = [side * jnp.array([[dx], [dy]], at.dtype) for dy in (0, 1) for dx in (0, 1)]
+    taps = jnp.stack([outcome(step, **rules) for step in steps])
+    texel, log2 = texel_of(shape, tree, at, page)
+    undecided = jnp.zeros_like(receivers.facing)
+    for step in steps:
+        offset = centre_offset(at, texel + step, log2, log2_ratio.dtype)
+        undecided |= ~plane_is_trusted(receivers, offset, perspective)
     at_start = log2_ratio - shape.log2_resolution(0)
 
     def whole_level(log2_goal):
@@ -139,7 +148,8 @@ def analyse(
         level=level,
         target=whole_level(log2_target),
         finest=whole_level(log2_finest),
-        straddles=straddles_discontinuity(taps) & receivers.facing,
+        coarse=whole_level(log2_target + math.log2(COARSE)),
+        straddles=(straddles_discontinuity(taps) | undecided) & receivers.facing,
     )
 
 
@@ -151,10 +161,12 @@ def requests_of(shape: TreeShape, analysis: Analysis, audience: Audience, wish: 
     """
     at, face, log2_ratio = audience.at, audience.face, audience.ratio_here
     level, target = np.asarray(analysis.level), np.asarray(analysis.target)
-    if wish is Wish.FINER_EDGES:
+    if wish is Wish.COARSE_COVERAGE:
+        target = np.asarray(analysis.coarse)
+    elif wish is Wish.FINER_EDGES:
         target = np.maximum(target, np.minimum(level + 1, np.asarray(analysis.finest)))
     wants = audience.facing & (level < target)
-    if wish is not Wish.COVERAGE:
+    if wish not in (Wish.COVERAGE, Wish.COARSE_COVERAGE):
         wants &= np.asarray(analysis.straddles)
     who = np.flatnonzero(wants)
     level, target = level[who].astype(np.int64), target[who].astype(np.int64)

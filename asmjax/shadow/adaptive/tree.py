@@ -124,6 +124,12 @@ def find_pages(
     return jax.lax.while_loop(going, descend, start)[3]
 
 
+def texel_of(shape: TreeShape, tree: Tree, at: Int[Array, "2 n"], page: Int[Array, " n"]):
+    """Each receiver's own texel (2, n) in its page, and log2 of the page's resolution (n,)."""
+    log2 = shape.log2_resolution(tree.level[page])
+    return index_at(at, log2), log2
+
+
 def page_outcome(
     shape: TreeShape,
     tree: Tree,
@@ -137,8 +143,7 @@ def page_outcome(
 ):
     """Whether the texel `step` (columns, rows; at most the guard band) beside a receiver's own
     texel lights it: (n,) bool."""
-    log2 = shape.log2_resolution(tree.level[page])
-    texel = index_at(at, log2)
+    texel, log2 = texel_of(shape, tree, at, page)
     local = (texel & ((1 << shape.log2_node) - 1)) + GUARD + step
     flat = page * shape.side**2 + local[1] * shape.side + local[0]
     return lit_by_texel(
