@@ -1,5 +1,6 @@
 """`asmjax run`: a scene in; buffers, maps, shadow maps, truth, errors, times and figures out."""
 
+import os
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -65,10 +66,11 @@ def run_main_job(options: RunOptions) -> MainResult:
         UseError: wrong options or a scene that cannot be used; nothing is written then.
     """
     folder = Path(options.out or f"out/run-{Path(options.scene).stem}")
-    with tqdm(total=8, disable=options.quiet, leave=False, unit="step") as bar:
+    check_writable(folder)
+    with tqdm(total=8, disable=options.quiet or None, leave=False, unit="step") as bar:
         result = measure_scene(options, progress=_Progress(bar))
         bar.set_description("figures")
-        _make(folder)
+        folder.mkdir(parents=True, exist_ok=True)
         report = write_results(result, options, folder)
         bar.update()
     if not options.quiet:
@@ -152,13 +154,14 @@ def write_results(result: MainResult, options: RunOptions, folder: Path) -> dict
     return report
 
 
-def _make(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as problem:
+def check_writable(folder: Path) -> None:
+    """Raise `UseError` if `folder` cannot be made or written to: before any work is done for it."""
+    existing = next(path for path in (folder, *folder.absolute().parents) if path.exists())
+    if not existing.is_dir() or not os.access(existing, os.W_OK):
         raise UseError(
-            f"cannot write to '{folder}' ({problem.strerror}); choose another --out."
-        ) from problem
+            f"cannot write results to '{folder}': '{existing}' is not a writable folder; choose "
+            "another --out."
+        )
 
 
 class _Progress:

@@ -2,9 +2,11 @@
 
 from asmjax.shadow.adaptive import AdaptiveShadowMap, CostModel, calibrate
 from asmjax.shadow.base import Cost, ShadowAlgorithm, Status
+from asmjax.shadow.registry import ALGORITHMS
 from asmjax.shadow.uniform import UniformShadowMap, resolution_for
 
 __all__ = [
+    "ALGORITHMS",
     "AdaptiveShadowMap",
     "Cost",
     "CostModel",

@@ -18,9 +18,9 @@ DEEPEST_LOG2 = 26
 
 def fixed_point(uv: Float[Array, "2 n"]) -> Int[Array, "2 n"]:
     """Image coordinates in [0, 1) as int32 fixed-point numbers; clamped into the image."""
-    scaled = jnp.floor(uv * (1 << BITS))
-    # 2^30 - 64 is the largest float32 below 2^30: a clamp in float keeps the cast defined.
-    return jnp.clip(scaled, 0, (1 << BITS) - 64).astype(jnp.int32)
+    scaled = jnp.clip(jnp.floor(uv * (1 << BITS)), 0, 1 << BITS)
+    # The upper limit in integers: float32 has no number between 2^30 - 64 and 2^30.
+    return jnp.minimum(scaled.astype(jnp.int32), (1 << BITS) - 1)
 
 
 def index_at(at: Int[Array, "2 n"], log2_resolution) -> Int[Array, "2 n"]:

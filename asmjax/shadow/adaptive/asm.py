@@ -250,7 +250,6 @@ class AdaptiveShadowMap(ShadowAlgorithm[AdaptiveState]):
     def _refine(self, state, view: EyeBuffer, rays: LightRays, start: float) -> AdaptiveState:
         """Passes of analysis and node creation until nothing is left to gain or a limit ends it."""
         shape, pool, frame, log = state.shape, state.pool, state.frame, replace(state.log)
-        log.status = Status.COMPLETE
         began = time.perf_counter()
         everyone = audience(
             *_seen_by_light(
@@ -264,6 +263,7 @@ class AdaptiveShadowMap(ShadowAlgorithm[AdaptiveState]):
             # they can have anything left to gain.
             looking = everyone
             for _ in range(most):
+                log.status = Status.COMPLETE
                 began = time.perf_counter()
                 analysis = analyse(
                     shape, tree, looking.receivers, looking.log2_ratio,
@@ -272,7 +272,7 @@ class AdaptiveShadowMap(ShadowAlgorithm[AdaptiveState]):
                 )  # fmt: skip
                 wanted = requests_of(shape, analysis, looking, wish)
                 chosen = most_profitable_first(wanted, state.cost_model)
-                allowed = max(int(share * pool.free_pages), shape.pages // LEAST_SHARE)
+                allowed = max(int(share * pool.free_pages), shape.pages // LEAST_SHARE, 1)
                 chosen = self._affordable(chosen.take(slice(allowed)), state.cost_model, start, log)
                 looking = looking.only(np.asarray(analysis.straddles))
                 log.analysis += time.perf_counter() - began
@@ -283,6 +283,11 @@ class AdaptiveShadowMap(ShadowAlgorithm[AdaptiveState]):
                 began = time.perf_counter()
                 tree = _add_pages(shape, tree, pool, chosen, frame, rays, log)
                 log.build += time.perf_counter() - began
+                if log.status is Status.NODE_CAPACITY:
+                    break
+            else:
+                if wish is not Wish.COVERAGE:
+                    log.status = Status.PASS_LIMIT
             if log.status.is_limit:
                 break
         return AdaptiveState(shape, tree, frame, pool, state.cost_model, log)

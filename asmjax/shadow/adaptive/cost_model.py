@@ -12,6 +12,9 @@ from asmjax.geometry import LightFrame
 SIDES = (16, 32, 64, 128, 256, 512, 1024)
 """Texels a side of the square maps that are timed, evenly spaced in the logarithm."""
 
+LONGEST = 2.0
+"""Seconds that timing one size may take."""
+
 
 @dataclass(frozen=True)
 class CostModel:
@@ -52,19 +55,32 @@ def fit_cost_model(texels: np.ndarray, seconds: np.ndarray) -> CostModel:
 def calibrate(
     rays: LightRays, frame: LightFrame, sides: tuple[int, ...] = SIDES, repeats: int = 5
 ) -> CostModel:
-    """Time square maps of several sizes (median of `repeats` runs after one warm-up) and fit."""
-    medians = []
+    """Time square maps of several sizes (median of `repeats` runs after one warm-up) and fit.
+
+    A renderer so slow that the next size would take more than `LONGEST` seconds is timed on the
+    smaller ones, on three at least.
+    """
+    timed: list[tuple[int, float]] = []
     for side in sides:
-        windows = TexelWindows(
-            face=np.zeros(1, int),
-            corner=np.zeros((2, 1)),
-            texel=np.full((2, 1), 1.0 / side),
-            side=side,
-        )
-        runs = []
-        for _ in range(repeats + 1):
-            start = time.perf_counter()
-            jax.block_until_ready(rays.light_buffer(frame, windows))
-            runs.append(time.perf_counter() - start)
-        medians.append(np.median(runs[1:]))
-    return fit_cost_model(np.square(sides), np.array(medians))
+        if len(timed) >= 3:
+            before, seconds = timed[-1]
+            if (repeats + 1) * seconds * (side / before) ** 2 > LONGEST:
+                break
+        timed.append((side, _median_seconds(rays, frame, side, repeats)))
+    chosen, medians = zip(*timed, strict=True)
+    return fit_cost_model(np.square(chosen), np.array(medians))
+
+
+def _median_seconds(rays: LightRays, frame: LightFrame, side: int, repeats: int) -> float:
+    windows = TexelWindows(
+        face=np.zeros(1, int),
+        corner=np.zeros((2, 1)),
+        texel=np.full((2, 1), 1.0 / side),
+        side=side,
+    )
+    runs = []
+    for _ in range(repeats + 1):
+        start = time.perf_counter()
+        jax.block_until_ready(rays.light_buffer(frame, windows))
+        runs.append(time.perf_counter() - start)
+    return float(np.median(runs[1:]))
