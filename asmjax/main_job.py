@@ -11,7 +11,7 @@ import jax
 import numpy as np
 from tqdm import tqdm
 
-from asmjax.buffers import EyeBuffer, LightRays, whole_image
+from asmjax.buffers import EyeBuffer, LightRays, TexelWindows
 from asmjax.errors import UseError
 from asmjax.experiment import Measured, analysis_maps, measure, measure_rays
 from asmjax.geometry import LightFrame, towards_light
@@ -26,9 +26,6 @@ from asmjax.shadow import AdaptiveShadowMap, CostModel, UniformShadowMap, calibr
 from asmjax.shadow.adaptive import AdaptiveState
 
 T = TypeVar("T")
-
-TREE_PICTURE_SIDE = 512
-"""Texels per side of the light's depth image in the figure of the tree."""
 
 GOLDEN = (0.7548776662466927, 0.5698402909980532)
 """Steps of the R2 sequence (Roberts 2018): evenly spread points for any number of samples."""
@@ -145,7 +142,7 @@ def write_results(result: MainResult, options: RunOptions, folder: Path) -> dict
 
     The numbers come first: a figure that fails cannot lose them. Returns the report.
     """
-    report = _report(result, options)
+    report = report_of(result, options)
     write_json(folder / "report.json", report)
     write_csv(folder / "methods.csv", report["methods"])
     if options.save_arrays:
@@ -177,7 +174,7 @@ class _Progress:
         self._bar.set_description(step)
 
 
-def _report(result: MainResult, options: RunOptions) -> dict:
+def report_of(result: MainResult, options: RunOptions) -> dict:
     eye, truth = result.eyes[0], result.truth
     size = eye.size
     valid = eye.valid.reshape(size)
@@ -274,14 +271,20 @@ def _pictures(result: MainResult, report: dict) -> RunPictures:
 
 
 def _tree_picture(result: MainResult, state: AdaptiveState) -> TreePicture:
-    buffer = result.rays.light_buffer(result.frame, whole_image(result.frame, TREE_PICTURE_SIDE))
     face, level, column, row = state.pool.squares[:, : state.pool.used_pages]
     size = np.ldexp(1.0, -state.shape.log2_nodes_at(level))
+
+    def cast(face: int, u: float, v: float, size: float, side: int) -> np.ndarray:
+        corner, texel = np.array([[u], [v]]), np.full((2, 1), size / side)
+        windows = TexelWindows(np.array([face]), corner, texel, side)
+        return np.asarray(result.rays.light_buffer(result.frame, windows).depth)[0]
+
     return TreePicture(
         level=level,
         face=face,
         lo=np.stack([column, row]) * size,
         size=size,
         node_resolution=1 << state.shape.log2_node,
-        light_depth=np.asarray(buffer.depth),
+        faces=result.frame.faces,
+        cast=cast,
     )

@@ -3,110 +3,29 @@
 import dataclasses
 import subprocess
 import sys
-from functools import cache
 
 import matplotlib
 import numpy as np
 import pytest
+from helpers.figures import HEIGHT, WIDTH, run_pictures, texels_over, words
 from hypothesis import given
 from hypothesis import strategies as st
-from matplotlib.colors import Normalize
 
 from asmjax.errors import UseError
-from asmjax.metrics import error_summary, surface_pairs
-from asmjax.report import method_record
 from asmjax.report.figures import (
-    RunPictures,
-    TreePicture,
     draw_accuracy_time,
     draw_errors,
     draw_levels,
     draw_maps,
     draw_shadows,
-    draw_tree,
-    linear_parts,
-    shade,
     write_figures,
 )
 from asmjax.report.figures.accuracy_time import zero_line
 from asmjax.report.figures.board import DPI, panel_size
 from asmjax.report.figures.errors import error_image
-from asmjax.report.figures.scales import (
-    colours_of,
-    exponent_ticks,
-    factor,
-    log2_or_nan,
-    power_of_two,
-    scale_limits,
-)
-from asmjax.report.figures.shading import tone
+from asmjax.report.figures.shadows import worst_spots
 from asmjax.report.figures.spots import Spot, densest_spots
-from asmjax.report.figures.style import BACKGROUND, FALSE_DARK, FALSE_LIT, SKY, hex_rgb
-from asmjax.report.figures.tree import depth_image, zoom_windows
-
-HEIGHT, WIDTH = 48, 64
-ADAPTIVE = {"nodes": 9, "passes": 3, "max_level": 8, "status": "converged"}
-
-
-def texels_over(pictures):
-    """Panels of a figure that hold an image, without its colour bars."""
-    return [axes for axes in pictures.axes if axes.get_images()]
-
-
-def words(figure):
-    return [text.get_text() for text in figure.texts]
-
-
-@cache
-def run_pictures() -> RunPictures:
-    """A wall whose shadow edge is at column 30.2, answered by maps of 4 and 0.5 pixels a texel."""
-    x = np.tile(np.arange(WIDTH) + 0.5, (HEIGHT, 1))
-    valid = np.ones((HEIGHT, WIDTH), bool)
-    valid[:6] = False
-    truth = np.where(valid, (x > 30.2) * 1.0, np.nan)
-    shadows = {"uniform-16": (x // 4 * 4 + 2 > 30.2) * 1.0, "adaptive-1MB": (x > 30.2) * 1.0}
-    shadows["rays-1"] = shadows["adaptive-1MB"]
-    methods = [
-        method_record(
-            name,
-            settings={},
-            effective_resolution=None if name == "rays-1" else 1024,
-            bytes=2**20,
-            rays=10,
-            seconds={"build": 0.002 * (i + 1)},
-            error=error_summary(truth, image, valid, surface_pairs(valid)),
-            **(ADAPTIVE if name.startswith("adaptive") else {}),
-        )
-        for i, (name, image) in enumerate(shadows.items())
-    ]
-    ratio = np.exp2((x - 32) / 8)
-    ratio[:, 0] = np.inf
-    direct, ambient = linear_parts(np.full((3, HEIGHT, WIDTH), 0.5), np.full((HEIGHT, WIDTH), 0.8))
-    level = np.arange(9)
-    return RunPictures(
-        title="wall",
-        direct=direct,
-        ambient=ambient,
-        valid=valid,
-        truth=truth,
-        visibilities=shadows,
-        methods=methods,
-        maps={
-            "area_ratio": ratio,
-            "m": np.sqrt(ratio),
-            "n_required": 2.0**20 * ratio,
-            "benefit": np.where(np.abs(x - 30) < 2, 100.0, 0.0),
-        },
-        log2_resolution=np.where(x < 40, 8.0, 12.0),
-        tree=TreePicture(
-            level=level,
-            face=np.zeros(9),
-            lo=np.stack([0.6 - 0.6 * 0.5**level, 0.3 - 0.3 * 0.5**level]),
-            size=0.5**level,
-            node_resolution=64,
-            light_depth=np.where(np.eye(32) > 0, np.inf, 3.0)[None],
-        ),
-    )
+from asmjax.report.figures.style import BACKGROUND, FALSE_DARK, FALSE_LIT, hex_rgb
 
 
 def test_every_figure_is_written_at_its_own_size(tmp_path):
@@ -167,6 +86,9 @@ def test_pictures_take_jax_arrays_and_refuse_wrong_shapes():
     with pytest.raises(UseError, match="a tree of 9 nodes"):
         assert pictures.tree is not None
         dataclasses.replace(pictures.tree, lo=np.zeros((9, 2)))
+    with pytest.raises(UseError, match="faces must be 0 to 0"):
+        assert pictures.tree is not None
+        dataclasses.replace(pictures.tree, face=np.arange(9))
 
 
 def test_methods_to_draw_are_one_of_each_kind_and_no_rays():
@@ -197,7 +119,41 @@ def test_shadows_shows_truth_and_methods_with_the_same_insets():
     assert "Ray-traced truth" in found
     assert any(text.startswith("uniform-16: 3.12 % wrong") for text in found)
     assert any(text.startswith("adaptive-1MB: 0 % wrong") for text in found)
-    assert "1,024² texels, 1.00 MB" in found
+    assert "1,024 texels a side, 1.00 MB" in found
+
+
+def test_insets_show_edges_of_truth_and_of_the_method():
+    """A method wrong by more than a square: its largest errors are squares without any edge."""
+    pictures = run_pictures()
+    size = (200, 200)
+    column = np.tile(np.arange(200), (200, 1))
+    truth, method = (column > 60) * 1.0, (column > 150) * 1.0
+    method[100:] = (column[100:] > 66) * 1.0
+    ones = np.ones((*size, 3))
+    pictures = dataclasses.replace(
+        pictures,
+        direct=ones,
+        ambient=ones,
+        valid=np.ones(size),
+        truth=truth,
+        visibilities={"uniform-16": method},
+        maps={},
+        log2_resolution=None,
+    )
+    for spot in worst_spots(pictures, ["uniform-16"], [20, 40], 3)[:1]:
+        assert spot.side == 20
+        for image in (truth, method):
+            assert 0.2 < spot.crop(image).mean() < 0.8
+    # Where the method has no edge near truth's, squares grow.
+    method = (column > 90) * 1.0
+    pictures = dataclasses.replace(pictures, visibilities={"uniform-16": method})
+    spots = worst_spots(pictures, ["uniform-16"], [20, 60], 2)
+    assert all(spot.side == 60 and 0 < spot.crop(method).mean() < 1 for spot in spots)
+    # Errors that shading hides count less than others.
+    seen = ones * (np.arange(200) > 100)[:, None, None]
+    pictures = dataclasses.replace(pictures, direct=seen)
+    (spot, *_) = worst_spots(pictures, ["uniform-16"], [20], 1)
+    assert spot.row >= 80
 
 
 def test_panels_show_images_pixel_for_pixel():
@@ -253,6 +209,34 @@ def test_errors_are_coloured_by_kind():
     assert "0 % false lit, 3.12 % false dark" in words(figure)
     (legend,) = figure.legends
     assert [text.get_text() for text in legend.get_texts()][:2] == ["false lit", "false dark"]
+    assert "wall." in words(figure)
+
+
+def test_few_errors_are_drawn_larger():
+    truth, wrong = np.zeros((9, 20)), np.zeros((9, 20))
+    wrong[4, 5] = wrong[4, 7] = 1
+    image = error_image(truth, wrong, truth == 0, 5)
+    lit = (image == hex_rgb(FALSE_LIT)).all(axis=-1)
+    assert lit[2:7, 3:10].all() and lit.sum() == 5 * 7
+    truth[4, 7], wrong[4, 7] = 1, 0
+    image = error_image(truth, wrong, np.ones((9, 20)), 5)
+    np.testing.assert_array_equal(image[4, 5], hex_rgb(FALSE_LIT))
+    np.testing.assert_array_equal(image[4, 7], hex_rgb(FALSE_DARK))
+    pictures = run_pictures()
+    large = {
+        "direct": np.ones((500, 500, 3)),
+        "ambient": np.ones((500, 500, 3)),
+        "valid": np.ones((500, 500)),
+        "truth": np.zeros((500, 500)),
+        "maps": {},
+        "log2_resolution": None,
+    }
+    for share, drawn in ((0.001, True), (0.2, False)):
+        shadow = np.random.default_rng(0).random((500, 500)) < share
+        methods = dict.fromkeys(["uniform-16", "adaptive-1MB"], shadow * 1.0)
+        few = dataclasses.replace(pictures, visibilities=methods, **large)
+        said = any("drawn 3 × 3 pixels large" in text for text in words(draw_errors(few)))
+        assert said == drawn
 
 
 def test_maps_have_scales_in_powers_of_two():
@@ -264,59 +248,16 @@ def test_maps_have_scales_in_powers_of_two():
     ticks = [[text.get_text() for text in axes.get_yticklabels()] for axes in bars]
     assert "1×" in ticks[0] and "1/4×" in ticks[0] and "4×" in ticks[0]
     low, high = bars[0].get_ylim()
-    assert low == -high
+    assert low < -1 < 1 < high
     assert all(text.startswith("2") for text in ticks[2])
+    # Benefit counts pixels, from 1 on.
+    assert ticks[3][0] == "1" and bars[3].get_ylim()[0] == 0
+    assert any(text.endswith("median 1.04×") for text in words(figure))
     # Matched is white, and pixels without a value are the background.
     area = np.asarray(panels["area_ratio"].get_images()[0].get_array())
     assert area[20, 31:33].min() > 235
     np.testing.assert_array_equal(area[20, 0], hex_rgb(BACKGROUND))
     np.testing.assert_array_equal(area[2, 30], hex_rgb(BACKGROUND))
-
-
-def test_tree_zooms_to_the_deepest_nodes():
-    pictures = run_pictures()
-    tree = pictures.tree
-    assert tree is not None
-    face, windows = zoom_windows(tree)
-    assert face == 0 and len(windows) == 2
-    for u, v, size in windows:
-        assert u < tree.lo[0, -1] < u + size and v < tree.lo[1, -1] < v + size
-        assert 0 <= u <= 1 - size and 0 <= v <= 1 - size
-    assert windows[0][2] == pytest.approx(np.sqrt(windows[1][2]))
-    figure = draw_tree(pictures)
-    panels = texels_over(figure)
-    assert len(panels) == 3
-    assert panels[0].get_xlim() == (0, 1) and panels[0].get_ylim() == (1, 0)
-    assert panels[2].get_xlim() == pytest.approx((windows[1][0], sum(windows[1][::2])))
-    # The whole shows nodes of at least 4 pixels: sizes down to 560 / 2^7.
-    assert len(panels[0].collections[0].get_paths()) == 8
-    labels = [text.get_text() for text in figure.axes[-1].get_yticklabels()]
-    assert labels[0].split() == ["0", "2⁶"] and labels[-1].split() == ["8", "2¹⁴"]
-
-
-def test_tree_without_depth_or_with_many_faces():
-    pictures = run_pictures()
-    assert pictures.tree is not None
-    root = TreePicture(
-        level=[0, 0, 0],
-        face=[0, 1, 2],
-        lo=np.zeros((2, 3)),
-        size=np.ones(3),
-        node_resolution=64,
-        light_depth=np.ones((3, 8, 8)),
-    )
-    figure = draw_tree(dataclasses.replace(pictures, tree=root))
-    assert len(texels_over(figure)) == 3
-    assert any(text.startswith("3 nodes on 3 faces") for text in words(figure))
-    with pytest.raises(ValueError, match="no tree"):
-        draw_tree(dataclasses.replace(pictures, tree=None))
-
-
-def test_depth_is_pale_near_and_dark_far():
-    image = depth_image([[1.0, 10.0, 100.0, np.inf]])[0, :, 0].astype(int)
-    assert image[0] > image[1] > image[2] > image[3]
-    assert image[0] - image[1] == pytest.approx(image[1] - image[2], abs=3)
-    assert depth_image(np.full((2, 2), np.inf)).std() == 0
 
 
 def test_levels_share_one_scale():
@@ -325,6 +266,12 @@ def test_levels_share_one_scale():
     assert [axes.get_label() for axes in panels[:2]] == ["Resolution used", "Resolution needed"]
     bar = figure.axes[-1]
     assert bar.get_ylim() == (8, 12)
+    assert "of the node that answered the pixel" in words(figure)
+    # A handful of pixels at grazing light does not stretch the scale.
+    used = np.where(np.arange(WIDTH) < 40, 8.0, 12.0) + np.zeros((HEIGHT, 1))
+    used[10, :5] = 24
+    few = dataclasses.replace(run_pictures(), log2_resolution=used, maps={})
+    assert draw_levels(few).axes[-1].get_ylim() == (8, 12)
     with pytest.raises(ValueError, match="no adaptive map"):
         draw_levels(dataclasses.replace(run_pictures(), log2_resolution=None))
 
@@ -348,10 +295,12 @@ def test_zero_errors_stand_on_their_own_line():
     assert low < floor and high > 3.125
     labels = [text.get_text() for text in axes.get_yticklabels()]
     assert labels[0] == "0" and "1" in labels
+    assert min(t for t in axes.yaxis.get_minorticklocs()) > 1.5 * floor
+    assert any("rays-1 traces shadow rays from every pixel" in text for text in words(figure))
     assert axes.get_xscale() == axes.get_yscale() == "log"
     assert "milliseconds" in axes.get_xlabel() and "%" in axes.get_ylabel()
     named = [text.get_text() for text in axes.texts]
-    assert "uniform-16  3.12 %" in named and "one shadow ray per pixel" in named
+    assert "uniform-16  3.12 %" in named and "time of tracing every pixel" in named
 
 
 def test_names_of_close_points_do_not_overlap():
@@ -365,57 +314,6 @@ def test_names_of_close_points_do_not_overlap():
     for i, box in enumerate(boxes):
         assert not any(box.overlaps(other) for other in boxes[:i])
     assert draw_accuracy_time([], 0).axes
-
-
-def test_shading_keeps_shape_in_shadow_and_exposes_for_the_lit_picture():
-    albedo = np.full((3, 4, 6), 0.5)
-    cosine = np.tile(np.linspace(-0.5, 1, 6), (4, 1))
-    lit = shade(albedo, cosine, np.ones((4, 6)))
-    dark = shade(albedo, cosine, np.zeros((4, 6)))
-    assert (lit >= dark).all()
-    np.testing.assert_array_equal(lit[:, :2], dark[:, :2])
-    assert lit[0, -1, 0] > 200
-    assert (np.diff(dark[0, :, 0].astype(int)) > 0).all()
-    masked = shade(albedo, cosine, np.full((4, 6), np.nan), np.zeros((4, 6), bool))
-    np.testing.assert_array_equal(masked[0, 0], hex_rgb(SKY))
-    assert shade(albedo * 0, cosine, np.ones((4, 6))).max() == 0
-    steps = tone(np.linspace(0, 50, 200))
-    assert (np.diff(steps.astype(int)) >= 0).all() and steps[0] == 0 and steps[-1] == 255
-
-
-def test_labels_of_powers():
-    assert [power_of_two(k) for k in (-3, 0, 3, 11)] == ["1/8", "1", "8", "2¹¹"]
-    assert [factor(k) for k in (-2, 0, 3, 12, -20)] == ["1/4×", "1×", "8×", "2¹²×", "2⁻²⁰×"]
-
-
-@given(st.floats(-100, 100), st.floats(0, 200))
-def test_ticks_are_few_inside_and_evenly_spaced(low, span):
-    ticks = exponent_ticks(low, low + span)
-    assert len(ticks) <= 8
-    assert all(low - 1e-6 <= k <= low + span + 1e-6 for k in ticks)
-    assert len(set(np.diff(ticks))) <= 1
-    if span >= 1:
-        assert ticks or span < 101
-
-
-@given(st.lists(st.floats(-60, 60) | st.just(np.nan), max_size=20), st.booleans())
-def test_scales_hold_most_values_and_are_never_empty(values, centred):
-    exponents = np.array(values, float)
-    low, high = scale_limits(exponents, centred)
-    assert high - low >= 2 - 1e-9
-    if centred:
-        assert low == -high
-    finite = exponents[np.isfinite(exponents)]
-    assert finite.size == 0 or low - 1e-9 <= np.median(finite) <= high + 1e-9
-
-
-def test_values_without_a_logarithm_are_background():
-    exponents = log2_or_nan([[4.0, 0.0, -1.0, np.inf, np.nan]])
-    np.testing.assert_array_equal(exponents[0], [2, *[np.nan] * 4])
-    norm = Normalize(0, 4)
-    image = colours_of(exponents, matplotlib.colormaps["viridis"], norm)
-    assert (image[0, 1:] == hex_rgb(BACKGROUND)).all()
-    assert (image[0, 0] != hex_rgb(BACKGROUND)).any()
 
 
 def test_importing_the_figures_loads_neither_pyplot_nor_jax():

@@ -229,13 +229,13 @@ def test_importing_the_report_loads_nothing_heavy():
 def test_the_table_is_aligned_and_has_units():
     lines = comparison_table(report()["methods"]).splitlines()
     assert len(lines) == 6
-    for word in ("milliseconds", "false, % of pixels", "edge off, px", "effective"):
+    for word in ("milliseconds", "false, % of pixels", "edge off, px", "eff. texels"):
         assert word in lines[0]
-    heads = "method texels MB rays build analysis query total all lit dark mean p95".split()
+    heads = "method per side MB rays build analysis query total all lit dark mean p95".split()
     assert lines[1].split() == heads
     cells = [line.split() for line in lines[3:]]
     assert cells[0] == (
-        "uniform-2048 2048^2 16.0 4.19M 48.3 0.0 2.0 50.3 2.50 1.50 1.00 1.63 4.40".split()
+        "uniform-2048 2048 16.0 4.19M 48.3 0.0 2.0 50.3 2.50 1.50 1.00 1.63 4.40".split()
     )
     assert cells[2][:2] == ["rays-1", "-"]
     assert cells[2][8:11] == ["0", "0", "0"]

@@ -3,7 +3,7 @@
 import abc
 
 import equinox as eqx
-import jax.numpy as jnp
+import jax
 import numpy as np
 from jaxtyping import Array, Float, Int
 
@@ -86,7 +86,8 @@ class LightRays(abc.ABC):
         for k, face in enumerate(windows.face):
             u = windows.corner[0, k] + at * windows.texel[0, k]
             v = windows.corner[1, k] + at * windows.texel[1, k]
-            origins, directions = frame.ray(face, np.tile(u, side), np.repeat(v, side))
+            origins, directions = frame.ray(int(face), np.tile(u, side), np.repeat(v, side))
             t, hit = self.closest(origins, directions)
             depth[k], prim[k] = t.reshape(side, side), hit.reshape(side, side)
-        return LightBuffer(jnp.asarray(depth), jnp.asarray(prim))
+        # `jnp.asarray` compiles once per new shape, and the number of windows is new each time.
+        return LightBuffer(jax.device_put(depth), jax.device_put(prim))

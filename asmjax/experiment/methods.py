@@ -3,7 +3,7 @@
 import gc
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from jax.typing import ArrayLike
@@ -14,6 +14,7 @@ from asmjax.geometry import LightFrame
 from asmjax.shadow import Cost, ShadowAlgorithm, Status
 
 
+@runtime_checkable
 class TracedShadows(Protocol):
     """Prepared shadow rays of one view: how many, and what traces them."""
 

@@ -4,6 +4,7 @@ Computed from position and normal of each pixel alone; never from neighbouring p
 differences are meaningless across silhouettes.
 """
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -29,26 +30,30 @@ def surface_tangents(points: SurfacePoints, camera: Camera) -> Float[Array, "2 3
 
 
 def _tangents(points: SurfacePoints, camera: Camera):
-    """Rows of `surface_tangents`: dX/du_i = (z / F_i) (e_i - D (n . e_i) / (n . D)), D = X / z."""
-    position, normal = points.position, points.normal
-    dtype = position.dtype
+    """Rows of `surface_tangents`: dX/du_i = (z e_i - X (n . e_i) z / (n . X)) / F_i.
+
+    The formula of the reference, with D = X / z multiplied out: one division is left.
+    """
+    dtype = points.position.dtype
     right, down, forward = (jnp.asarray(row, dtype) for row in camera.rotation)
-    focal = jnp.asarray(camera.focal, dtype)
-    depth = dot(forward, position)
-    farthest = jnp.maximum(jnp.maximum(*jnp.abs(position[:2])), jnp.abs(position[2]))
-    seen = points.valid & (depth > OFF_AXIS * farthest) & (depth > LEAST_DEPTH)
+    scale = 1 / jnp.asarray(camera.focal, dtype)
+    x, y, z = points.position
+    depth = dot(forward, (x, y, z))
+    farthest = jnp.maximum(jnp.maximum(jnp.abs(x), jnp.abs(y)), jnp.abs(z))
+    seen = points.valid & (depth > jnp.maximum(OFF_AXIS * farthest, LEAST_DEPTH))
     depth = jnp.where(seen, depth, 1)
-    ray = [jnp.where(seen, x, 0) / depth for x in position]
-    along = dot(normal, ray)
-    least = jnp.finfo(dtype).eps ** 0.5
+    ray = [jnp.where(seen, x, 0) for x in (x, y, z)]
+    along = dot(points.normal, ray)
+    least = jnp.finfo(dtype).eps ** 0.5 * depth
     along = jnp.where(along < 0, jnp.minimum(along, -least), jnp.maximum(along, least))
+    stretch = depth / along
+    depth = jnp.where(seen, depth, 0)
 
-    def step(axis, f):
-        slide = dot(normal, axis) / along
-        scale = jnp.where(seen, depth / f, 0)
-        return [scale * (axis[j] - ray[j] * slide) for j in range(3)]
+    def step(axis, scale):
+        slide = dot(points.normal, axis) * stretch
+        return [scale * (axis[j] * depth - ray[j] * slide) for j in range(3)]
 
-    return step(right, focal[0]), step(down, focal[1])
+    return step(right, scale[0]), step(down, scale[1])
 
 
 def uv_jacobian(
@@ -68,15 +73,19 @@ def uv_jacobian(
         corner = jnp.asarray(frame.corner[face], dtype)
         mine = receivers.facing & (receivers.face == face)
 
-        def entry(k, i, axes=axes, extent=extent, corner=corner):
+        scale = safe_divide(jnp.ones_like(extent), extent)
+        nearness = 1 / receivers.depth
+
+        def entry(k, i, axes=axes, extent=extent, corner=corner, scale=scale, nearness=nearness):
             along = dot(axes[k], tangents[i])
             if frame.perspective:
                 plane = corner[k] + receivers.uv[k] * extent[k]
-                along = (along - plane * dot(axes[2], tangents[i])) / receivers.depth
-            return jnp.clip(along / extent[k], -LARGEST, LARGEST)
+                along = (along - plane * dot(axes[2], tangents[i])) * nearness
+            return jnp.clip(along * scale[k], -LARGEST, LARGEST)
 
         rows = [[jnp.where(mine, entry(k, i), rows[k][i]) for i in range(2)] for k in range(2)]
-    return jnp.stack([jnp.stack(row) for row in rows])
+    # Without the barrier XLA's CPU fusions compute all of this again for everything made of it.
+    return jax.lax.optimization_barrier(jnp.stack([jnp.stack(row) for row in rows]))
 
 
 def determinant(jacobian: Float[Array, "2 2 n"]) -> Float[Array, " n"]:

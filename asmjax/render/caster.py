@@ -6,7 +6,7 @@ Everything that comes back is copied once, with its dtype asserted.
 from collections.abc import Callable
 from typing import NamedTuple
 
-import jax.numpy as jnp
+import jax
 import numpy as np
 
 from asmjax.buffers import LightBuffer, LightRays, TexelWindows
@@ -179,46 +179,39 @@ class MitsubaRays(LightRays):
         """All windows in one launch; rays are formed on the device from nine numbers a window."""
         if not self.vectorised:
             return super().light_buffer(frame, windows)
-        per_launch = max(1, LANES // windows.side**2)
-        parts = []
-        for start in range(0, windows.count, per_launch):
-            chosen = slice(start, start + per_launch)
-            parts.append(
-                self._launch(
-                    frame,
-                    TexelWindows(
-                        face=windows.face[chosen],
-                        corner=windows.corner[:, chosen],
-                        texel=windows.texel[:, chosen],
-                        side=windows.side,
-                    ),
-                )
-            )
-        if len(parts) == 1:
-            depth, prim = parts[0]
-        else:
-            depth, prim = (np.concatenate(p) for p in zip(*parts, strict=True))
-        return LightBuffer(jnp.asarray(depth), jnp.asarray(prim))
+        parts = [
+            self._launch(frame, windows, start, min(LANES, windows.texels - start))
+            for start in range(0, windows.texels, LANES)
+        ]
+        depth, prim = parts[0] if len(parts) == 1 else map(np.concatenate, zip(*parts, strict=True))
+        shape = (windows.count, windows.side, windows.side)
+        # `jnp.asarray` compiles once per new shape, and the number of windows is new each time.
+        return LightBuffer(
+            jax.device_put(depth.reshape(shape)), jax.device_put(prim.reshape(shape))
+        )
 
-    def _launch(self, frame: LightFrame, windows: TexelWindows) -> tuple[np.ndarray, np.ndarray]:
+    def _launch(
+        self, frame: LightFrame, windows: TexelWindows, start: int, count: int
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Depth and primitive of `count` texels from the flat texel index `start` on."""
         mi, dr = self.mi, self._dr
         first, step = windows.plane(frame)
         e_u, e_v, e_w = np.moveaxis(frame.rotation[windows.face], 0, -1)
-        start = e_u * first[0] + e_v * first[1]
-        start += e_w if frame.perspective else frame.origin[:, None]
-        table = [mi.Float(_f32(row)) for v in (start, e_u * step[0], e_v * step[1]) for row in v]
+        corner = e_u * first[0] + e_v * first[1]
+        corner += e_w if frame.perspective else frame.origin[:, None]
+        table = [mi.Float(_f32(row)) for v in (corner, e_u * step[0], e_v * step[1]) for row in v]
         side = windows.side
-        lane = dr.arange(mi.UInt32, windows.texels)
+        lane = dr.arange(mi.UInt32, count) + dr.opaque(mi.UInt32, start)
         window = lane // (side * side)
         texel = lane - window * (side * side)
         row = texel // side
         column = mi.Float(texel - row * side)
         row = mi.Float(row)
-        start, right, down = (
+        corner, right, down = (
             mi.Vector3f(*(dr.gather(mi.Float, table[3 * i + k], window) for k in range(3)))
             for i in range(3)
         )
-        at = dr.fma(down, row, dr.fma(right, column, start))
+        at = dr.fma(down, row, dr.fma(right, column, corner))
         if frame.perspective:
             origin = mi.Point3f(*frame.origin.tolist())
             dr.make_opaque(origin)
@@ -231,8 +224,7 @@ class MitsubaRays(LightRays):
         dr.eval(t, prim)
         depth, prim = t.numpy(), prim.numpy()
         assert depth.dtype == np.float32 and prim.dtype == np.int32
-        shape = (windows.count, side, side)
-        return depth.reshape(shape), prim.reshape(shape)
+        return depth, prim
 
 
 def _key(shape) -> int:

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from asmjax.render.sensors import plugin_name
+from asmjax.render.sensors import plugin_names
 from asmjax.scene.spec import LightSpec
 
 
@@ -23,9 +23,9 @@ def read_emitters(mi, scene, notices: list[str]) -> dict[str, SceneLight]:
     """The lights that cast hard shadows, by id, in scene order; the others go to `notices`."""
     lights: dict[str, SceneLight] = {}
     shapes = scene.shapes()
-    for index, emitter in enumerate(scene.emitters()):
+    emitters = scene.emitters()
+    for emitter, name in zip(emitters, plugin_names(emitters, "light"), strict=True):
         kind = emitter.class_name()
-        name = plugin_name(emitter, f"light{index}", lights)
         params = mi.traverse(emitter)
         if kind == "PointLight":
             position = _vector(params["position"])
@@ -36,13 +36,13 @@ def read_emitters(mi, scene, notices: list[str]) -> dict[str, SceneLight]:
                 LightSpec(
                     name,
                     "spot",
-                    position=tuple(matrix[:3, 3]),
-                    direction=tuple(matrix[:3, 2]),
+                    position=_vector(matrix[:3, 3]),
+                    direction=_vector(matrix[:3, 2]),
                     cutoff_deg=float(np.array(params["cutoff_angle"]).ravel()[0]),
                 )
             )
         elif kind == "DirectionalEmitter":
-            direction = tuple(_matrix(params)[:3, 2])
+            direction = _vector(_matrix(params)[:3, 2])
             lights[name] = SceneLight(LightSpec(name, "directional", direction=direction))
         elif kind == "AreaLight":
             shape = emitter.get_shape()
@@ -53,7 +53,7 @@ def read_emitters(mi, scene, notices: list[str]) -> dict[str, SceneLight]:
                 f"({', '.join(f'{x:g}' for x in centre)}), which casts hard shadows"
             )
             lights[name] = SceneLight(
-                LightSpec(name, "point", position=tuple(centre)),
+                LightSpec(name, "point", position=_vector(centre)),
                 shape=next(i for i, s in enumerate(shapes) if s == shape),
             )
         else:

@@ -9,8 +9,8 @@ NOT_A_MESH = -1
 class SceneGeometry(eqx.Module):
     """Float64 copies of the float32 triangles that Mitsuba casts against.
 
-    A primitive's global id counts through the shapes in scene order: triangles of meshes, and one
-    for every other shape.
+    A primitive's global id counts through the shapes in scene order: triangles of meshes, segments
+    of curves, and one for most other shapes.
 
     Attributes:
         vertices: (3, n_vertices) float64, world.
@@ -31,7 +31,7 @@ class SceneGeometry(eqx.Module):
     def corners(self, prim: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The three corners (3, n) of triangles `prim` (n,)."""
         a, b, c = self.faces[:, prim]
-        return self.vertices[:, a], self.vertices[:, b], self.vertices[:, c]
+        return self.vertices.take(a, 1), self.vertices.take(b, 1), self.vertices.take(c, 1)
 
 
 def read_geometry(shapes: list, bbox) -> SceneGeometry:
@@ -45,7 +45,7 @@ def read_geometry(shapes: list, bbox) -> SceneGeometry:
             vertices.append(points)
             faces.append(triangles.astype(np.int32))
         else:
-            faces.append(np.full((3, 1), NOT_A_MESH, np.int32))
+            faces.append(np.full((3, shape.primitive_count()), NOT_A_MESH, np.int32))
         first.append(first[-1] + faces[-1].shape[1])
     return SceneGeometry(
         vertices=np.concatenate(vertices, axis=1),

@@ -102,7 +102,7 @@ class Scene:
         return ShadowRays(self.geometry, eye, frame, rays)
 
 
-def load_scene(source: str | os.PathLike | dict, variant: str | None = None) -> Scene:
+def load_scene(source: str | os.PathLike | dict | SceneSpec, variant: str | None = None) -> Scene:
     """A scene by built-in name, path of a Mitsuba XML file, Mitsuba dictionary or `SceneSpec`.
 
     Shapes are kept apart (`optimize=False`). The Mitsuba variant is chosen on the first call of
@@ -124,6 +124,8 @@ def load_scene(source: str | os.PathLike | dict, variant: str | None = None) -> 
         raise unknown_name(
             "scene", name, BUILTIN, "A path of a Mitsuba scene file (.xml) works too."
         )
+    if name and path.is_dir():
+        raise UseError(f"'{name}' is a folder; give the path of a Mitsuba .xml file.")
     if not path.is_file():
         raise UseError(f"there is no scene file '{name}'; give the path of a Mitsuba .xml file.")
     mi = activate(variant)
@@ -144,6 +146,12 @@ def _load(loader, source, what: str):
 def _from_mitsuba(mi, name: str, scene) -> Scene:
     if not hasattr(scene, "shapes") or not scene.shapes():
         raise UseError(f"scene '{name}' has no shapes; asmjax needs surfaces to cast shadows on.")
+    instances = sum(shape.class_name() == "Instance" for shape in scene.shapes())
+    if instances:
+        raise UseError(
+            f"scene '{name}' has {instances} instances of a shape group, which asmjax cannot tell "
+            "apart; write them out as shapes of their own."
+        )
     notices: list[str] = []
     views = read_sensors(mi, scene.sensors(), notices)
     lights = read_emitters(mi, scene, notices)

@@ -11,8 +11,7 @@ SUPPORTED = ("PerspectiveCamera", "ThinLensCamera")
 def read_sensors(mi, sensors: list, notices: list[str]) -> dict[str, ViewSpec]:
     """The scene's pinhole views by id, in scene order; what is left out is added to `notices`."""
     views: dict[str, ViewSpec] = {}
-    for index, sensor in enumerate(sensors):
-        name = plugin_name(sensor, f"sensor{index}", views)
+    for sensor, name in zip(sensors, plugin_names(sensors, "sensor"), strict=True):
         if sensor.class_name() not in SUPPORTED:
             notices.append(
                 f"sensor '{name}' ({sensor.class_name()}) is left out: asmjax sees through "
@@ -25,10 +24,20 @@ def read_sensors(mi, sensors: list, notices: list[str]) -> dict[str, ViewSpec]:
     return views
 
 
-def plugin_name(plugin, fallback: str, taken: dict) -> str:
-    """The id that the scene file gives a plugin, or `fallback`."""
-    name = plugin.id()
-    return fallback if not name or name.startswith("_unnamed") or name in taken else name
+def plugin_names(plugins: list, kind: str) -> list[str]:
+    """A name for each plugin: the id that the scene file gives it, or `kind` and its index.
+
+    Names differ from each other; an id that comes twice stays with the first that has it.
+    """
+    ids = [plugin.id() for plugin in plugins]
+    names = []
+    for index, name in enumerate(ids):
+        if not name or name.startswith("_unnamed") or name in ids[:index]:
+            name = f"{kind}{index}"
+            while name in ids:
+                name += "_"
+        names.append(name)
+    return names
 
 
 def _read_view(mi, name: str, sensor) -> ViewSpec:
@@ -44,10 +53,15 @@ def _read_view(mi, name: str, sensor) -> ViewSpec:
     width, height = (int(x) for x in np.array(params["film.size"]).ravel())
     crop_width, crop_height = (int(x) for x in np.array(params["film.crop_size"]).ravel())
     crop_x, crop_y = (int(x) for x in np.array(params["film.crop_offset"]).ravel())
+    # A thin lens has no principal point offset.
     fov_deg, shift_x, shift_y = (
-        float(np.array(params[key]).ravel()[0])
+        float(np.array(params.get(key, 0.0)).ravel()[0])
         for key in ("x_fov", "principal_point_offset_x", "principal_point_offset_y")
     )
+    if not np.isfinite([shift_x, shift_y]).all():
+        raise UseError(
+            f"sensor '{name}' has a principal point that is not finite; give finite offsets."
+        )
     focal = 0.5 * width / np.tan(np.radians(fov_deg) / 2)
     principal = width * (0.5 - shift_x) - crop_x, height * (0.5 - shift_y) - crop_y
     return ViewSpec(

@@ -36,6 +36,16 @@ def short_count(value: int) -> str:
     return str(value)
 
 
+def is_long_power(count: int) -> bool:
+    """Whether a number of texels is a power of two better written as one: from 2^17 on."""
+    return count > 2**16 and count & (count - 1) == 0
+
+
+def texels_a_side(count: int) -> str:
+    """915, 2048, 2^22: what is above 65536 as the power of two that it is."""
+    return f"2^{count.bit_length() - 1}" if is_long_power(count) else str(count)
+
+
 def _decimal(value: float) -> str:
     return f"{value:.1f}" if value < 999.95 else f"{value:.0f}"
 
@@ -84,10 +94,10 @@ def _edge(which: str) -> _Column:
 _COLUMNS = (
     _Column("", "method", lambda method: method["name"], str, "method"),
     _Column(
-        "effective",
-        "texels",
+        "eff. texels",
+        "per side",
         lambda method: method["effective_resolution"],
-        lambda value: f"{value}^2",
+        texels_a_side,
         "effective_resolution",
     ),
     _Column("", "MB", lambda method: method["bytes"] / MB, _decimal, "megabytes"),
@@ -104,9 +114,9 @@ _COLUMNS = (
 def comparison_table(methods: Sequence[Mapping]) -> str:
     """The `methods` of a report as text, at most `MAX_WIDTH` columns wide, without a last newline.
 
-    Effective texels are those of a flat map as fine as the method's finest part; false pixels are
-    all misclassified ones, the falsely lit and the falsely dark; `edge off` is the displacement of
-    shadow boundaries in eye pixels.
+    Effective texels per side are those of a flat map as fine as the method's finest part; false
+    pixels are all misclassified ones, the falsely lit and the falsely dark; `edge off` is the
+    displacement of shadow boundaries in eye pixels.
     """
     rows = [
         ["-" if (v := column.value(method)) is None else column.text(v) for column in _COLUMNS]

@@ -70,6 +70,13 @@ class UniformShadowMap(ShadowAlgorithm[UniformState]):
         return f"uniform-{self.resolution}{suffix}"
 
     def build(self, view: EyeBuffer, frame: LightFrame, rays: LightRays) -> UniformState:
+        # Texels are addressed by one int32: entry face * N * N + row * N + column.
+        require(
+            frame.faces * self.resolution**2 < 2**31,
+            f"a flat map of {self.resolution} texels a side for each of {frame.faces} light faces "
+            "is not possible; allowed are 2^31 texels in all: lower --memory-mb or the resolution "
+            "(32768 for one face).",
+        )
         start = time.perf_counter()
         windows = whole_image(frame, self.resolution)
         buffer = rays.light_buffer(frame, windows)

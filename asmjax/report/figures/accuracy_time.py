@@ -21,16 +21,17 @@ def draw_accuracy_time(methods: Sequence[Mapping], pixels: int, title: str = "")
 
     A logarithm has no 0: methods without a wrong pixel stand, as open markers, on a line of
     their own below the share of a single pixel, labelled 0. A dashed line marks the time of the
-    first ray-traced method: what lies right of it costs more than a shadow ray per pixel.
+    first ray-traced method, which is the truth: what lies right of it costs more than to trace
+    the shadow rays of every pixel.
 
     Args:
         methods: the `methods` of a report.
         pixels: number of valid pixels, which says how small a share can be.
         title: scene and view.
     """
-    board = Board(1120, 760)
+    board = Board(1120, 780)
     left, top = 120, EDGE + HEAD + 6
-    axes = board.axes(left, top, board.width - left - 48, board.height - top - 112)
+    axes = board.axes(left, top, board.width - left - 48, board.height - top - 132)
     board.heading(
         EDGE,
         EDGE,
@@ -65,7 +66,7 @@ def draw_accuracy_time(methods: Sequence[Mapping], pixels: int, title: str = "")
         colour = KIND_COLOURS["rays"]
         axes.axvline(times[rays[0]], color=colour, linewidth=1.2, dashes=(5, 3), zorder=2)
         axes.annotate(
-            "one shadow ray per pixel",
+            "time of tracing every pixel",
             (times[rays[0]], 1),
             xycoords=("data", "axes fraction"),
             xytext=(-5, -6),
@@ -84,8 +85,13 @@ def draw_accuracy_time(methods: Sequence[Mapping], pixels: int, title: str = "")
     axes.set_axisbelow(True)
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
-    end = f"0: none of {pixels:,} pixels wrong."
-    board.caption(f"{title}. {end}" if title else end)
+    end = f"At 0, open markers: none of {pixels:,} pixels wrong."
+    board.caption(f"{title}. {end}" if title else end, line=1 if rays else 0)
+    if rays:
+        board.caption(
+            f"Dashed: {methods[rays[0]]['name']} traces shadow rays from every pixel; it is the "
+            "truth, so it errs nowhere."
+        )
     return board.figure
 
 
@@ -121,6 +127,9 @@ def _ticks(axes: Axes, floor: float) -> None:
         FuncFormatter(lambda value, _: "0" if np.isclose(value, floor) else f"{value:g}")
     )
     axes.yaxis.set_minor_formatter(NullFormatter())
+    # The line of zeros is off the scale: no ticks between it and the share of one pixel.
+    minor = [k * p for p in 10.0 ** np.arange(-9, 3) for k in range(2, 10)]
+    axes.yaxis.set_minor_locator(FixedLocator([m for m in minor if 2 * floor < m < top]))
 
 
 class _Place(NamedTuple):
@@ -132,7 +141,7 @@ class _Place(NamedTuple):
     area: tuple[float, float, float, float]
 
 
-_LINE, _LETTER, _PAD = 20.0, 9.6, 14.0
+_LINE, _LETTER, _PAD = 20.0, 10.9, 14.0
 """Pixels: height of a label, mean width of its letters, distance from its point. Estimated, not
 measured: drawing every label once more to know its width costs 50 ms."""
 

@@ -67,10 +67,11 @@ class Board:
         self.text(x, y - 6, _cut(title, width / 11.6 - len(tail)) + tail, fontsize=9.5)
         self.text(x, y + TITLE - 8, _cut(small, width / 9.9), fontsize=8, color=FAINT)
 
-    def caption(self, text: str) -> None:
-        """Small print at the lower left corner, cut to the board's width."""
+    def caption(self, text: str, line: int = 0) -> None:
+        """Small print at the lower left corner, cut to the board's width; `line` 1 is above 0."""
         text = _cut(text, (self.width - 2 * EDGE) / 9.6)
-        self.text(EDGE, self.height - EDGE + 6, text, va="bottom", color=FAINT, fontsize=8)
+        y = self.height - EDGE + 6 - line * CAPTION
+        self.text(EDGE, y, text, va="bottom", color=FAINT, fontsize=8)
 
     def scale_bar(
         self,
@@ -81,10 +82,14 @@ class Board:
         width: int,
         height: int,
         ticks: dict[float, str],
+        extend: str = "neither",
     ) -> Colorbar:
-        """An upright colour scale with those values labelled."""
+        """An upright colour scale with those values labelled; pointed where values lie beyond."""
         bar = self.figure.colorbar(
-            ScalarMappable(norm, colours), cax=self.axes(x, y, width, height)
+            ScalarMappable(norm, colours),
+            cax=self.axes(x, y, width, height),
+            extend=extend,
+            extendfrac=min(0.8 * width / height, 0.2),
         )
         bar.set_ticks(list(ticks), labels=list(ticks.values()))
         bar.ax.minorticks_off()

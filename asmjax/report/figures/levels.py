@@ -15,7 +15,14 @@ from asmjax.report.figures.board import (
     target_width,
 )
 from asmjax.report.figures.pictures import RunPictures
-from asmjax.report.figures.scales import colours_of, exponent_ticks, log2_or_nan, power_of_two
+from asmjax.report.figures.scales import (
+    beyond,
+    colours_of,
+    exponent_ticks,
+    log2_or_nan,
+    power_of_two,
+    scale_limits,
+)
 from asmjax.report.figures.style import styled
 
 _BAR, _BAR_LABELS = 16, 70
@@ -25,7 +32,8 @@ _BAR, _BAR_LABELS = 16, 70
 def draw_levels(pictures: RunPictures) -> Figure:
     """Side of the flat map as fine as the node that answered each pixel; and the side needed.
 
-    Both panels share one scale, that of the resolutions in use. Raises `ValueError` where
+    Both panels share one scale over whole powers of two, which leaves out 1 % of the pixels at
+    either end: a few pixels at grazing light need a million texels. Raises `ValueError` where
     `pictures.log2_resolution` is None.
     """
     if pictures.log2_resolution is None:
@@ -36,9 +44,10 @@ def draw_levels(pictures: RunPictures) -> Figure:
         needed = 0.5 * log2_or_nan(pictures.maps["n_required"])
         side = np.where(pictures.valid, needed, np.nan)
         panels.append(("Resolution needed", "to match the pixel; only edges profit from it", side))
-    finite = used[np.isfinite(used)]
-    low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 1.0)
-    norm, colours = Normalize(low, max(high, low + 1)), matplotlib.colormaps["viridis"]
+    shown = np.stack([exponents for *_, exponents in panels])
+    least, most = scale_limits(shown, centred=False)
+    low, high = float(np.floor(least)), float(np.ceil(most))
+    norm, colours = Normalize(low, high), matplotlib.colormaps["viridis"]
     height, width = panel_size(*pictures.size, target_width(2 if len(panels) == 2 else 1) - 100)
     top = EDGE + HEAD
     board = Board(
@@ -50,8 +59,8 @@ def draw_levels(pictures: RunPictures) -> Figure:
         board.heading(x, EDGE, width, title, small)
         axes = board.image(x, top, width, height, colours_of(exponents, colours, norm))
         axes.set_label(title)
-    ticks = {float(k): f"{power_of_two(k)}" for k in exponent_ticks(low, norm.vmax or high, 12)}
+    ticks = {float(k): power_of_two(k) for k in exponent_ticks(low, high, 12)}
     bar_x = EDGE + len(panels) * (width + GAP) - GAP // 2
-    board.scale_bar(colours, norm, bar_x, top, _BAR, height, ticks)
+    board.scale_bar(colours, norm, bar_x, top, _BAR, height, ticks, beyond(shown, low, high))
     board.caption(f"{pictures.title}. Texels per side; grey: no surface, or not lit by the light.")
     return board.figure

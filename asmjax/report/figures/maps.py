@@ -20,14 +20,18 @@ from asmjax.report.figures.board import (
 )
 from asmjax.report.figures.pictures import RunPictures
 from asmjax.report.figures.scales import (
+    around_zero,
+    beyond,
     colours_of,
     exponent_ticks,
     factor,
+    half_ticks,
     log2_or_nan,
     power_of_two,
     scale_limits,
 )
 from asmjax.report.figures.style import hex_rgb, styled
+from asmjax.report.table import significant
 
 _BAR, _BAR_LABELS = 16, 84
 """Width in pixels of a colour bar, and of the labels to its right."""
@@ -54,7 +58,7 @@ _MAPS = (
     _Map(
         "area_ratio",
         "Area ratio: texel / eye pixel",
-        "red: map too coarse, white: matched, blue: finer",
+        "red: too coarse, white: matched, blue: finer",
         log2_or_nan,
         "RdBu_r",
         True,
@@ -63,7 +67,7 @@ _MAPS = (
     _Map(
         "m",
         "Linear error m: texel width / pixel width",
-        "worst direction; mean edge shift is at most m/4 pixels",
+        "worst direction; mean edge shift ≤ m/4 pixels",
         log2_or_nan,
         "RdBu_r",
         True,
@@ -108,11 +112,14 @@ def draw_maps(pictures: RunPictures) -> Figure:
     for i, entry in enumerate(chosen):
         x = EDGE + (i % columns) * (cell + GAP)
         y = EDGE + (i // columns) * (HEAD + height + 2 * GAP)
-        board.heading(x, y, cell, entry.title, entry.small)
+        board.heading(x, y, cell, entry.title, _small(entry, pictures))
         values = np.asarray(pictures.maps[entry.name], np.float64)
         exponents = np.where(pictures.valid, entry.log2(values), np.nan)
         low, high = scale_limits(exponents, entry.centred)
-        norm, colours = Normalize(low, high), _colours(entry.colours)
+        if entry.name == "benefit":
+            # Counts: they begin at 1, and a single one would have no scale.
+            low, high = 0.0, max(high, 2.0)
+        norm, colours = Normalize(low, high), _colours(entry, low, high)
         image = colours_of(exponents, colours, norm)
         if entry.name == "benefit":
             # 0 has no logarithm, and "refining helps nobody" is an answer and no missing value.
@@ -120,14 +127,31 @@ def draw_maps(pictures: RunPictures) -> Figure:
         axes = board.image(x, y + HEAD, width, height, image)
         axes.set_label(entry.name)
         bar_x = x + width + GAP // 2
-        ticks = {float(k): entry.label(k) for k in exponent_ticks(low, high)}
-        board.scale_bar(colours, norm, bar_x, y + HEAD, _BAR, height, ticks)
+        at = half_ticks(low, high) if entry.label is power_of_two else exponent_ticks(low, high)
+        ticks = {float(k): entry.label(k) for k in at}
+        ends = beyond(exponents, low, high)
+        board.scale_bar(colours, norm, bar_x, y + HEAD, _BAR, height, ticks, ends)
     board.caption(f"{pictures.title}. Grey: no surface, or the light does not shine there.")
     return board.figure
 
 
-def _colours(name: str) -> Colormap:
-    if name != "magma_r":
-        return matplotlib.colormaps[name]
-    # Its pale end would look like `_NONE`, its dark end like an outline.
-    return ListedColormap(matplotlib.colormaps[name](np.linspace(0.12, 0.88, 256)))
+def _small(entry: _Map, pictures: RunPictures) -> str:
+    """The small print of a map, with its median where a single number says how it is."""
+    values = np.asarray(pictures.maps[entry.name], np.float64)
+    good = values[pictures.valid & np.isfinite(values)]
+    if entry.name == "benefit" or not good.size:
+        return entry.small
+    middle = float(np.median(good))
+    if not entry.centred:
+        return f"{entry.small}; median {np.sqrt(middle):,.0f}"
+    return f"{entry.small}; median {f'{middle:,.0f}' if middle >= 1000 else significant(middle)}×"
+
+
+def _colours(entry: _Map, low: float, high: float) -> Colormap:
+    whole = matplotlib.colormaps[entry.colours]
+    if entry.centred:
+        return around_zero(whole, low, high)
+    if entry.name == "benefit":
+        # Its pale end would look like `_NONE`, its dark end like an outline.
+        return ListedColormap(whole(np.linspace(0.12, 0.88, 256)))
+    return whole

@@ -1,6 +1,6 @@
 """What the figures of one run are drawn from: plain NumPy images and the report's numbers."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -9,6 +9,7 @@ import numpy as np
 
 from asmjax.errors import require
 from asmjax.metrics import VisibilityError, visibility_error
+from asmjax.report.figures.scales import texels_a_side
 from asmjax.report.figures.shading import compose, exposure
 from asmjax.report.schema import MAP_NAMES
 from asmjax.report.table import MB, significant
@@ -19,7 +20,7 @@ Image = Any
 
 @dataclass(frozen=True)
 class TreePicture:
-    """The nodes of an adaptive shadow map, and the light's image beneath them.
+    """The nodes of an adaptive shadow map, and a way to see what the light sees beneath them.
 
     Attributes:
         level: (k,) int, 0 for a root.
@@ -27,7 +28,10 @@ class TreePicture:
         lo: (2, k) u and v of the corner nearest to u = v = 0, in [0, 1].
         size: (k,) side in u and v.
         node_resolution: texels per side of a node.
-        light_depth: (faces, n, n) axial depth, scene units; row 0 at v = 0; +inf for no surface.
+        faces: number of faces of the light frame.
+        cast: called as `cast(face, u, v, size, side)`: axial depth (side, side) in scene units at
+            the texel centres of the square of that `size` whose corner is u, v; row 0 at its
+            least v; +inf where there is no surface.
     """
 
     level: Image
@@ -35,16 +39,20 @@ class TreePicture:
     lo: Image
     size: Image
     node_resolution: int
-    light_depth: Image
+    faces: int
+    cast: Callable[[int, float, float, float, int], Image]
 
     def __post_init__(self):
-        _set(self, level=int, face=int, lo=float, size=float, light_depth=float)
+        _set(self, level=int, face=int, lo=float, size=float)
         count = self.level.size
         require(
             self.face.shape == self.size.shape == (count,) and self.lo.shape == (2, count),
             f"a tree of {count} nodes needs face and size ({count},) and lo (2, {count}).",
         )
-        require(self.light_depth.ndim == 3, "light_depth must be (faces, n, n).")
+        require(
+            set(self.face.tolist()) <= set(range(self.faces)),
+            f"a tree's faces must be 0 to {self.faces - 1}.",
+        )
 
 
 @dataclass(frozen=True)
@@ -121,7 +129,7 @@ class RunPictures:
         for method in self.methods:
             if method["name"] == name:
                 texels = method["effective_resolution"]
-                sides = [f"{texels:,}² texels"] if texels else []
+                sides = [f"{texels_a_side(texels)} texels a side"] if texels else []
                 return ", ".join([*sides, f"{significant(method['bytes'] / MB)} MB"])
         return ""
 

@@ -1,131 +1,135 @@
 """The adaptive map's tree, drawn over what the light sees."""
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
-from matplotlib.colors import BoundaryNorm, ListedColormap
+from matplotlib.colors import BoundaryNorm, LinearSegmentedColormap, ListedColormap, to_hex
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from asmjax.report.figures.board import CAPTION, EDGE, GAP, HEAD, Board
 from asmjax.report.figures.pictures import RunPictures, TreePicture
+from asmjax.report.figures.relief import relief, structure
 from asmjax.report.figures.scales import power_of_two
 from asmjax.report.figures.style import styled
+from asmjax.report.figures.tree_windows import Window, seen_nodes, tree_windows
 
-_PANEL = 560
-_BAR, _BAR_LABELS = 16, 170
+_PANEL = 600
+_BAR, _BAR_LABELS = 22, 150
 
-_SMALLEST = 4
+_SMALLEST = 3.5
 """Screen pixels: outlines of smaller nodes would merge into a blot, and are left to the zooms."""
 
-_ZOOM_NODES = 8
-"""Nodes of the deepest level along a side of the deepest zoom."""
+_GRID, _GRID_WIDTH = "#8A8A8A", 0.3
+"""Colour and width in points of the nodes of level 0, which are a grid and no news."""
 
-_NOTHING, _DARKEST, _LIGHTEST = 100, 140, 250
-"""Grey values of no surface, the farthest and the nearest surface; pale, for lines to show."""
+_LINE_WIDTH = 0.6
+
+_HUES = ("#26338F", "#1B74C4", "#008C86", "#3A8F22", "#C97B00", "#D2330A", "#B4005F", "#560A78")
+"""From level 1 to the deepest; all of them dark enough to show as thin lines on pale grey."""
+
+_STEP = 44
+"""Height in pixels of a level in the key, where they have room."""
+
+_WHOLE = Window(0.0, 0.0, 1.0)
 
 
 @styled
 def draw_tree(pictures: RunPictures) -> Figure:
-    """Outlines of the nodes over the light's image, whole and zoomed to the deepest place.
+    """Outlines of the nodes over a relief of what the light sees: whole, and two enlargements.
 
-    Left the whole image (all faces of a light that has several), then two zooms to where the
-    deepest nodes are densest; each zoom is outlined in the panel before it. Raises `ValueError`
-    where `pictures.tree` is None or empty.
+    Left the whole image (all faces of a light that has several), then the window that holds most
+    refined nodes, then one where many levels meet; each is marked in the panel before it. Rays
+    are cast for each panel at its own resolution. Raises `ValueError` where `pictures.tree` is
+    None or empty.
     """
     tree = pictures.tree
     if tree is None or not tree.level.size:
         raise ValueError("there is no tree to draw")
-    colours, norm = _level_colours(int(tree.level.max()))
-    face, windows = zoom_windows(tree)
-    panels = 1 + len(windows)
+    colours = _level_colours(tree)
+    across = int(np.ceil(np.sqrt(tree.faces)))
+    side = (_PANEL - (across - 1) * 6) // across
+    whole = [_cast(tree, face, _WHOLE, side) for face in range(tree.faces)]
+    face, windows = tree_windows(tree, [structure(depth) for depth in whole])
     top = EDGE + HEAD
     board = Board(
-        2 * EDGE + panels * _PANEL + panels * GAP + _BAR + _BAR_LABELS,
+        2 * EDGE + (1 + len(windows)) * (_PANEL + GAP) + _BAR + _BAR_LABELS,
         top + _PANEL + GAP + CAPTION + EDGE // 2,
     )
-    faces = tree.light_depth.shape[0]
-    board.heading(EDGE, EDGE, _PANEL, "The light's image", _count(tree))
-    across = int(np.ceil(np.sqrt(faces)))
-    side = (_PANEL - (across - 1) * 6) // across
+    nodes = f"{tree.level.size:,} nodes"
+    if tree.faces > 1:
+        nodes += f" on the {tree.faces} faces of its cube"
+    board.heading(EDGE, EDGE, _PANEL, "All that the light sees", nodes)
     previous: Axes | None = None
-    for k in range(faces):
+    for k in range(tree.faces):
         x, y = EDGE + (k % across) * (side + 6), top + (k // across) * (side + 6)
-        axes = _panel(board, x, y, side, tree, k, (0.0, 0.0, 1.0), colours, norm)
+        axes = _panel(board, (x, y), tree, k, _WHOLE, whole[k], colours)
         if k == face:
             previous = axes
-    for i, (u, v, size) in enumerate(windows):
+    titles = ("Where most nodes are refined", "Where most levels meet")
+    for i, (window, title) in enumerate(zip(windows, titles, strict=False)):
         x = EDGE + (i + 1) * (_PANEL + GAP)
-        axes = _panel(board, x, top, _PANEL, tree, face, (u, v, size), colours, norm)
-        middle = f"around u = {u + size / 2:.6f}, v = {v + size / 2:.6f}"
-        board.heading(x, EDGE, _PANEL, f"Enlarged {1 / size:,.0f} times", middle)
+        axes = _panel(
+            board, (x, top), tree, face, window, _cast(tree, face, window, _PANEL), colours
+        )
+        board.heading(x, EDGE, _PANEL, title, _about(tree, face, window))
         if previous is not None:
-            _mark(previous, u, v, size)
+            _mark(previous, window)
         previous = axes
-    _level_bar(board, tree, colours, norm, top)
+    _level_bar(board, tree, colours, top)
     board.caption(
         f"{pictures.title}. Each square is a node of {tree.node_resolution} × "
-        f"{tree.node_resolution} texels; the smallest are drawn in the enlargements only."
+        f"{tree.node_resolution} texels; those too small for a panel are left out of it. Grey: "
+        "depth, near is pale, with relief shading; darkest: nothing."
     )
     return board.figure
 
 
-def _count(tree: TreePicture) -> str:
-    faces = tree.light_depth.shape[0]
-    nodes = f"{tree.level.size:,} nodes" + (f" on {faces} faces" if faces > 1 else "")
-    return f"{nodes}; paler is nearer, darkest is nothing"
+def _about(tree: TreePicture, face: int, window: Window) -> str:
+    mine = tree.face == face
+    seen = seen_nodes(tree.lo[:, mine], tree.size[mine], window, _SMALLEST / _PANEL)
+    levels = tree.level[mine][seen]
+    of_face = f"face {face}, " if tree.faces > 1 else ""
+    if not levels.size:
+        return f"{of_face}enlarged {_times(window)} times"
+    span = f"levels {levels.min()} to {levels.max()}"
+    return f"{of_face}enlarged {_times(window)} times: {levels.size:,} nodes of {span}"
 
 
-def zoom_windows(tree: TreePicture) -> tuple[int, list[tuple[float, float, float]]]:
-    """The face of the deepest nodes, and up to two windows (u, v, size) into it.
-
-    The last window spans `_ZOOM_NODES` of the deepest nodes around the place where they are
-    densest, the first is the geometric mean between it and the whole. Without depth, none.
-    """
-    deepest = tree.level == tree.level.max()
-    size = float(tree.size[deepest].min())
-    face = int(np.bincount(tree.face[deepest]).argmax())
-    span = _ZOOM_NODES * size
-    if span > 0.5:
-        return face, []
-    centres = (tree.lo + 0.5 * tree.size)[:, deepest & (tree.face == face)]
-    # The node with most others of its level in the window around it.
-    sample = centres[:, :: max(1, centres.shape[1] // 500)]
-    near = np.abs(sample[:, :, None] - centres[:, None, :]).max(axis=0) <= 0.5 * span
-    focus = sample[:, near.sum(axis=1).argmax()]
-    spans = [float(np.sqrt(span)), span] if span < 0.1 else [span]
-    windows = []
-    for side in spans:
-        u, v = np.clip(focus - 0.5 * side, 0.0, 1.0 - side)
-        windows.append((float(u), float(v), side))
-    return face, windows
+def _times(window: Window) -> str:
+    times = 1 / window.size
+    return f"{times:.1f}" if times < 9.95 else f"{times:,.0f}"
 
 
-def _panel(board, x, y, side, tree: TreePicture, face: int, window, colours, norm) -> Axes:
+def _cast(tree: TreePicture, face: int, window: Window, side: int) -> np.ndarray:
+    return np.asarray(tree.cast(face, *window, side))
+
+
+def _panel(
+    board: Board,
+    place: tuple[int, int],
+    tree: TreePicture,
+    face: int,
+    window: Window,
+    depth: np.ndarray,
+    colours: dict[int, str],
+) -> Axes:
+    """Depth, pixel for pixel, and over it the outlines of the nodes that can be told apart."""
     u, v, size = window
+    side = depth.shape[0]
     axes = board.image(
-        x,
-        y,
+        *place,
         side,
         side,
-        depth_image(tree.light_depth[face]),
-        extent=(0, 1, 1, 0),
-        interpolation="nearest" if size < 1 else "auto",
+        relief(depth),
+        extent=(u, u + size, v + size, v),
+        interpolation="nearest",
     )
-    axes.set_xlim(u, u + size)
-    axes.set_ylim(v + size, v)
-    lo, extent = tree.lo, tree.size
-    shown = (
-        (tree.face == face)
-        & (extent / size * side >= _SMALLEST)
-        & (lo[0] < u + size)
-        & (lo[0] + extent > u)
-        & (lo[1] < v + size)
-        & (lo[1] + extent > v)
-    )
+    mine = tree.face == face
+    lo, extent, level = tree.lo[:, mine], tree.size[mine], tree.level[mine]
+    shown = seen_nodes(lo, extent, window, _SMALLEST / side)
     # Deep nodes last: their outlines lie on top of their ancestors'.
-    order = np.flatnonzero(shown)[np.argsort(tree.level[shown], kind="stable")]
+    order = np.flatnonzero(shown)[np.argsort(level[shown], kind="stable")]
     near, far = lo[:, order], lo[:, order] + extent[order]
     corners = np.stack(
         [
@@ -138,8 +142,8 @@ def _panel(board, x, y, side, tree: TreePicture, face: int, window, colours, nor
         PolyCollection(
             list(corners),
             facecolors="none",
-            edgecolors=colours(norm(tree.level[order])),
-            linewidths=0.9,
+            edgecolors=[colours[k] for k in level[order]],
+            linewidths=np.where(level[order] > 0, _LINE_WIDTH, _GRID_WIDTH),
             joinstyle="miter",
         ),
         autolim=False,
@@ -147,53 +151,43 @@ def _panel(board, x, y, side, tree: TreePicture, face: int, window, colours, nor
     return axes
 
 
-def depth_image(depth) -> np.ndarray:
-    """(n, n, 3) uint8: near pale, far dark, by the logarithm of depth; darkest for none.
+def _level_colours(tree: TreePicture) -> dict[int, str]:
+    """A colour for each level that has nodes, dark enough for pale grey; grey for level 0.
 
-    The scale spans the 1st to the 99th percentile, so that one far wall does not flatten the rest.
+    Many hues: neighbouring levels must be told apart, more than put in order.
     """
-    values = np.asarray(depth, np.float64)
-    good = np.isfinite(values) & (values > 0)
-    image = np.full((*values.shape, 3), _NOTHING, np.uint8)
-    if good.any():
-        logs = np.log(values[good])
-        near, far = np.percentile(logs, [1, 99])
-        share = np.clip((logs - near) / max(far - near, 1e-9), 0, 1)
-        image[good] = np.round(_LIGHTEST + (_DARKEST - _LIGHTEST) * share)[:, None]
-    return image
+    deeper = [int(level) for level in np.unique(tree.level) if level > 0]
+    scale = LinearSegmentedColormap.from_list("levels", _HUES)
+    shades = scale(np.linspace(0.0, 1.0, max(len(deeper), 2)))
+    return {0: _GRID} | {k: to_hex(shade) for k, shade in zip(deeper, shades, strict=False)}
 
 
-def _level_colours(deepest: int) -> tuple[ListedColormap, BoundaryNorm]:
-    """One colour per level; the palest part of the scale would vanish on a pale image."""
-    count = deepest + 1
-    shades = matplotlib.colormaps["plasma"](np.linspace(0.0, 0.85, count))
-    return ListedColormap(shades), BoundaryNorm(np.arange(count + 1) - 0.5, count)
-
-
-def _mark(axes: Axes, u: float, v: float, size: float) -> None:
+def _mark(axes: Axes, window: Window) -> None:
     """Outline of the next panel's window, grown where it would be too small to see."""
+    u, v, size = window
     low, high = axes.get_xlim()
+    if size >= 0.999 * (high - low):
+        return
     drawn = max(size, 0.02 * (high - low))
     corner = (u + 0.5 * size - 0.5 * drawn, v + 0.5 * size - 0.5 * drawn)
-    for line, colour in ((2.6, "#202020"), (1.3, "white")):
+    for line, colour in ((2.6, "white"), (1.2, "#101010")):
         axes.add_patch(
             Rectangle(corner, drawn, drawn, fill=False, edgecolor=colour, linewidth=line, zorder=5)
         )
 
 
-def _level_bar(board: Board, tree: TreePicture, colours, norm, top: int) -> None:
-    deepest = int(tree.level.max())
-    step = max(1, -(-(deepest + 1) // 14))
+def _level_bar(board: Board, tree: TreePicture, colours: dict[int, str], top: int) -> None:
+    """The colour of each level that has nodes, its number, and the flat map as fine as it."""
+    levels = np.unique(tree.level).tolist()
     ticks = {}
-    for level in range(0, deepest + 1, step):
-        mine = tree.size[tree.level == level]
-        text = str(level)
-        if mine.size:
-            exponent = np.log2(tree.node_resolution / mine.min())
-            whole = abs(exponent - round(exponent)) < 1e-6
-            text += f"   {power_of_two(exponent) if whole else f'{2**exponent:,.0f}'}"
-        ticks[float(level)] = text
+    for i, level in enumerate(levels):
+        exponent = np.log2(tree.node_resolution / tree.size[tree.level == level].min())
+        whole = abs(exponent - round(exponent)) < 1e-6
+        ticks[float(i)] = f"{level}   {power_of_two(exponent) if whole else f'{2**exponent:,.0f}'}"
     x = board.width - EDGE - _BAR_LABELS - _BAR
-    bar = board.scale_bar(colours, norm, x, top, _BAR, _PANEL, ticks)
+    height = min(_PANEL, _STEP * len(levels))
+    scale = ListedColormap([colours[level] for level in levels])
+    norm = BoundaryNorm(np.arange(len(levels) + 1) - 0.5, len(levels))
+    bar = board.scale_bar(scale, norm, x, top, _BAR, height, ticks)
     bar.ax.tick_params(length=0)
-    board.heading(x, EDGE, _BAR + _BAR_LABELS, "Level", "and texels a side")
+    board.heading(x, EDGE, _BAR + _BAR_LABELS, "Level", "texels a side")

@@ -208,6 +208,15 @@ class AdaptiveShadowMap(ShadowAlgorithm[AdaptiveState]):
             f"face(s); allowed is {(page_bytes + faces * per_page) / 2**20:.3g} MB or more: raise "
             "--memory-mb or lower --node-resolution.",
         )
+        # Texels and cells are addressed by one int32 each: entry page * side^2 + local.
+        per_page = max(side**2, NODES_PER_PAGE * self.cells**2)
+        require(
+            (pages + 1) * per_page < 2**31,
+            f"a memory limit of {self.memory_bytes / 2**20:g} MB holds more texels or cells than "
+            f"can be addressed; allowed are 2^31, which {self.node_resolution} x "
+            f"{self.node_resolution} nodes of {self.cells} x {self.cells} cells reach with "
+            f"{(2**31 // per_page) * page_bytes / 2**20:.0f} MB of texels: lower --memory-mb.",
+        )
         if self.start_resolution is None:
             log2_roots = max(START_LOG2 - log2_node, 0)
             while log2_roots > 0 and 4 * (faces << 2 * log2_roots) > pages:
@@ -286,7 +295,7 @@ class AdaptiveShadowMap(ShadowAlgorithm[AdaptiveState]):
                 if log.status is Status.NODE_CAPACITY:
                     break
             else:
-                if wish is not Wish.COVERAGE:
+                if wish in (Wish.EDGES, Wish.FINER_EDGES):
                     log.status = Status.PASS_LIMIT
             if log.status.is_limit:
                 break

@@ -1,0 +1,97 @@
+"""All shadow algorithms that `test_siblings.py` runs: a new sibling is one more entry here."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import isqrt
+
+import numpy as np
+
+from asmjax.shadow import AdaptiveShadowMap, CostModel, ShadowAlgorithm, UniformShadowMap
+from asmjax.shadow.texel_test import Compare, texel_bytes
+
+FAST = CostModel(a_seconds_per_texel=1e-8, b_seconds=1e-5, residual=0.0)
+"""Fixed costs: calibration would make the order of refinement depend on the machine's load."""
+
+NEVER = 2.0**50
+"""A texel / pixel size at which every pixel is matched."""
+
+
+@dataclass(frozen=True)
+class Sibling:
+    """One algorithm.
+
+    Attributes:
+        name: for test ids.
+        of_budget: (texels, faces) to an algorithm whose arrays take at most `texels` texels of
+            6 bytes in all (depth and primitive), tables included.
+        degenerate: (side, compare) to settings that must give the uniform map of `side` texels.
+        log2_resolution: (algorithm, state, points) to log2 of the texels per face side that
+            answered each point.
+    """
+
+    name: str
+    of_budget: Callable[[int, int], ShadowAlgorithm]
+    degenerate: Callable[[int, Compare], ShadowAlgorithm]
+    log2_resolution: Callable[..., np.ndarray]
+
+
+def _of_uniform(algorithm, state, points) -> np.ndarray:
+    return np.full(points.count, np.log2(algorithm.resolution))
+
+
+def _of_adaptive(algorithm, state, points) -> np.ndarray:
+    return np.asarray(algorithm.lookup(state, points)[1])
+
+
+SIBLINGS = (
+    Sibling(
+        "uniform",
+        of_budget=lambda texels, faces: UniformShadowMap(isqrt(texels // faces), "both"),
+        degenerate=lambda side, compare: UniformShadowMap(side, compare),
+        log2_resolution=_of_uniform,
+    ),
+    Sibling(
+        "adaptive",
+        of_budget=lambda texels, faces: AdaptiveShadowMap(
+            memory_bytes=texels * texel_bytes("both"), cost_model=FAST
+        ),
+        degenerate=lambda side, compare: AdaptiveShadowMap(
+            start_resolution=side,
+            cover=False,
+            ratio_target=NEVER,
+            finest_ratio=NEVER,
+            compare=compare,
+            cost_model=FAST,
+        ),
+        log2_resolution=_of_adaptive,
+    ),
+)
+
+VARIANTS = (
+    # The 2001 paper as printed: areas, edges only, texels of a pixel's size; coarse levels.
+    Sibling(
+        "adaptive-2001",
+        of_budget=lambda texels, faces: AdaptiveShadowMap(
+            memory_bytes=texels * texel_bytes("both"),
+            cover=False,
+            finest_ratio=1.0,
+            measure="area",
+            node_resolution=32,
+            cells=4,
+            cost_model=FAST,
+        ),
+        degenerate=lambda side, compare: AdaptiveShadowMap(
+            start_resolution=side,
+            node_resolution=32,
+            cells=4,
+            cover=False,
+            ratio_target=NEVER,
+            finest_ratio=NEVER,
+            measure="area",
+            compare=compare,
+            cost_model=FAST,
+        ),
+        log2_resolution=_of_adaptive,
+    ),
+)
+"""Further settings of algorithms above, for the tests that depend on settings."""

@@ -1,0 +1,109 @@
+"""The slow `scalar_rgb` path, in a process of its own, gives the same hits as the fast one."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from helpers.mitsuba_scenes import REAL_SCENES, loaded, real_scene, vectorised
+
+from asmjax.buffers import TexelWindows, whole_image
+
+pytestmark = pytest.mark.mitsuba
+
+FEW = 5e-4
+"""Share of pixels that may differ where silhouettes of coplanar walls meet."""
+
+SIZE = (90, 74)
+"""No view has a wall's diagonal, where two triangles tie, run through its pixel centres."""
+
+
+def everything(source: str, light: str | None) -> dict[str, np.ndarray]:
+    """Eye buffer, whole and partial light images, and shadow rays of one scene and light."""
+    scene = loaded(source)
+    eye = scene.eye(scene.view().resized(*SIZE))
+    frame, rays = scene.light_frame(eye, light), scene.light_rays(light)
+    at = np.arange(frame.faces)
+    part = TexelWindows(at, np.full((2, at.size), 0.4), np.full((2, at.size), 1 / 2048), 32)
+    whole, part = (rays.light_buffer(frame, w) for w in (whole_image(frame, 67), part))
+    return {
+        "eye_prim": np.asarray(eye.points.prim),
+        "eye_shape": eye.shape,
+        "eye_depth": eye.depth,
+        "eye_world": eye.world,
+        "eye_normal": eye.normal,
+        "eye_albedo": eye.albedo,
+        "whole_prim": np.asarray(whole.prim),
+        "whole_depth": np.asarray(whole.depth),
+        "part_prim": np.asarray(part.prim),
+        "part_depth": np.asarray(part.depth),
+        "lit": scene.shadow_rays(eye, frame, rays).trace(),
+    }
+
+
+CORNELL = "cornell_box/cornell_box.xml"
+CASES = [("letter_f", "point"), ("letter_f", "directional"), ("a6_sphere", None), (CORNELL, None)]
+
+CHILD = """
+import sys
+import numpy as np
+from asmjax.render.variant import activate
+activate("scalar_rgb")
+from render.test_variants import everything
+out, *cases = sys.argv[1:]
+for case in cases:
+    index, source, light = case.split("|")
+    np.savez(f"{out}/{index}.npz", **everything(source, light or None))
+"""
+
+
+def path_of(source: str) -> str:
+    return str(REAL_SCENES / source) if source.endswith(".xml") else source
+
+
+@pytest.fixture(scope="module")
+def slow(tmp_path_factory) -> Path:
+    """Folder with what the scalar variant makes of all cases; its process starts but once."""
+    if not vectorised(loaded("letter_f")._mi):
+        pytest.skip("no second variant: this process runs scalar_rgb itself")
+    out = tmp_path_factory.mktemp("scalar")
+    cases = [f"{i}|{path_of(s)}|{light or ''}" for i, (s, light) in enumerate(CASES)
+             if s != CORNELL or Path(path_of(s)).is_file()]  # fmt: skip
+    paths = [str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH", "")]
+    done = subprocess.run(
+        [sys.executable, "-c", CHILD, str(out), *cases],
+        env=os.environ | {"PYTHONPATH": os.pathsep.join(p for p in paths if p)},
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    assert done.returncode == 0, done.stderr
+    return out
+
+
+@pytest.mark.parametrize("case", range(len(CASES)), ids=["-".join(filter(None, c)) for c in CASES])
+def test_scalar_and_llvm_agree(case, slow):
+    """Same primitives, depths to 1e-6, same shadows; a handful of pixels may differ."""
+    source, light = CASES[case]
+    if source == CORNELL:
+        real_scene(source)
+    slow, fast = np.load(slow / f"{case}.npz"), everything(path_of(source), light)
+    assert set(slow) == set(fast)
+    for image in ("eye", "whole", "part"):
+        ours, theirs = fast[f"{image}_prim"], slow[f"{image}_prim"]
+        assert ours.shape == theirs.shape and ours.dtype == theirs.dtype
+        assert np.mean(ours != theirs) <= FEW
+        same = (ours == theirs) & (ours >= 0)
+        assert same.mean() > 0.3
+        depth, ref = fast[f"{image}_depth"][same], slow[f"{image}_depth"][same]
+        assert np.quantile(np.abs(depth / ref - 1), 0.999) < 1e-6
+        assert depth == pytest.approx(ref, rel=1e-5)
+    same = (fast["eye_prim"] == slow["eye_prim"]) & (fast["eye_prim"] >= 0)
+    assert np.array_equal(fast["eye_shape"][same], slow["eye_shape"][same])
+    for name in ("eye_normal", "eye_albedo"):
+        assert fast[name][:, same] == pytest.approx(slow[name][:, same], abs=1e-5)
+    scale = np.abs(slow["eye_world"][:, same]).max()
+    assert fast["eye_world"][:, same] == pytest.approx(slow["eye_world"][:, same], abs=1e-6 * scale)
+    assert np.mean(fast["lit"] != slow["lit"]) <= FEW and 0.2 < fast["lit"].mean() < 1.0

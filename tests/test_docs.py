@@ -1,0 +1,70 @@
+"""Documents that promise a row per thing keep the promise, and what they show runs."""
+
+import runpy
+import sys
+from pathlib import Path
+
+import pytest
+
+from asmjax.shadow import ALGORITHMS
+
+ROOT = Path(__file__).parents[1]
+
+
+@pytest.mark.parametrize("family", ALGORITHMS)
+def test_every_algorithm_has_a_row_in_the_table_of_choice(family):
+    """The comparison table names class, family and reference of every registered algorithm."""
+    algorithm = ALGORITHMS[family]
+    row = next(
+        line
+        for line in (ROOT / "docs/choosing.md").read_text(encoding="utf-8").splitlines()
+        if line.startswith(f"| `{algorithm.__name__}` (`{family}`)")
+    )
+    author, year = algorithm.reference.split(",")[0].split()[0], "1978 2001"
+    assert author in row
+    assert any(number in row for number in year.split())
+    assert algorithm().name.startswith(family)
+
+
+@pytest.mark.parametrize("folder", ["notebooks", "experiments"])
+def test_every_script_has_a_row_in_its_readme(folder):
+    """A folder's README lists each of its scripts, and nothing that is not there."""
+    text = (ROOT / folder / "README.md").read_text(encoding="utf-8")
+    for script in (ROOT / folder).glob("*.py"):
+        assert f"`{script.name}`" in text
+
+
+@pytest.mark.slow
+@pytest.mark.mitsuba
+def test_first_look_notebook_runs(capsys):
+    """The notebook runs as a script, and its adaptive map is better than its uniform one."""
+    names = runpy.run_path(str(ROOT / "notebooks/first_look.py"))
+    wrong = {
+        line.split()[0].split("-")[0]: float(line.split()[1].rstrip("%"))
+        for line in capsys.readouterr().out.splitlines()
+        if " wrong, " in line
+    }
+    assert wrong["adaptive"] < wrong["uniform"] / 10
+    assert names["tree"].pool.used_pages > 0
+
+
+def test_experiment_finds_first_order_convergence(capsys, monkeypatch):
+    """The smoke size of the convergence experiment prints slopes near -1."""
+    script = ROOT / "experiments/error_against_resolution.py"
+    monkeypatch.setattr(sys, "argv", [str(script), "--smoke"])
+    runpy.run_path(str(script), run_name="__main__")
+    rows = capsys.readouterr().out.splitlines()[1:]
+    slopes = [float(row.split()[1]) for row in rows]
+    assert len(slopes) == 2
+    assert all(-1.6 < slope < -0.7 for slope in slopes)
+
+
+def test_readme_names_existing_files():
+    """Every relative link and picture of README leads to a file of the repository."""
+    import re
+
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    links = re.findall(r"\]\((?!https?:)([^)#]+)", text)
+    assert links
+    for link in links:
+        assert (ROOT / link).exists(), link

@@ -1,0 +1,218 @@
+"""`asmjax run` from end to end: files, numbers, and every way to use it wrongly."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from helpers.mitsuba_scenes import real_scene
+
+from asmjax import cli
+from asmjax.options import RunOptions
+from asmjax.report import validate_report
+
+pytestmark = pytest.mark.mitsuba
+
+FIGURES = {"shadows", "errors", "maps", "tree", "levels", "accuracy_time"}
+MAPS = ("area_ratio", "linear_ratio", "m", "n_required", "benefit")
+
+SCENE = """<scene version="3.0.0">{sensor}{light}
+<shape type="rectangle"><transform name="to_world"><scale value="4"/></transform></shape>
+<shape type="cube"><transform name="to_world"><scale value="0.5"/>
+<translate x="0" y="0" z="1"/></transform></shape></scene>"""
+SENSOR = """<sensor type="perspective"><float name="fov" value="40"/><transform name="to_world">
+<lookat origin="3, -5, 5" target="0, 0, 0.5" up="0, 0, 1"/></transform>
+<film type="hdrfilm"><integer name="width" value="48"/><integer name="height" value="32"/></film>
+</sensor>"""
+LIGHT = '<emitter type="point" id="lamp"><point name="position" x="1" y="1" z="6"/></emitter>'
+AWAY = SENSOR.replace('target="0, 0, 0.5"', 'target="6, -10, 9.5"')
+
+
+def fractions(report: dict) -> dict[str, float]:
+    """Misclassified fraction by kind of method."""
+    return {
+        method["name"].split("-")[0]: method["error"]["misclassified_fraction"]
+        for method in report["methods"]
+    }
+
+
+@pytest.fixture(scope="module")
+def run_folder(tmp_path_factory) -> Path:
+    """The output of one small run with everything written."""
+    folder = tmp_path_factory.mktemp("run") / "deep" / "out"
+    words = ["run", "letter_f", "--size", "96", "64", "--memory-mb", "1", "--repeats", "1"]
+    assert cli.main([*words, "--save-arrays", "--quiet", "--out", str(folder)]) == 0
+    return folder
+
+
+def test_run_writes_a_valid_report_and_all_figures(run_folder):
+    """report.json follows its schema; there is a PNG for each figure and a table."""
+    report = json.loads((run_folder / "report.json").read_text(encoding="utf-8"))
+    validate_report(report)
+    assert report["size"] == [96, 64]
+    assert [method["name"].split("-")[0] for method in report["methods"]] == [
+        "uniform",
+        "adaptive",
+        "rays",
+    ]
+    assert {path.stem for path in run_folder.glob("*.png")} == FIGURES
+    assert all(path.stat().st_size > 5_000 for path in run_folder.glob("*.png"))
+    assert (run_folder / "methods.csv").read_text(encoding="utf-8").count("\n") == 4
+    adaptive = report["methods"][1]
+    assert adaptive["bytes"] <= 2**20
+    assert adaptive["error"]["misclassified_fraction"] < 0.01
+
+
+def test_arrays_are_images_with_the_first_row_at_the_top(run_folder):
+    """Shapes as documented; the letter's caster stands above the plane, so up in the image."""
+    arrays = np.load(run_folder / "arrays.npz")
+    report = json.loads((run_folder / "report.json").read_text(encoding="utf-8"))
+    names = {"valid", "position", "truth", *MAPS}
+    names |= {f"visibility_{method['name']}" for method in report["methods"]}
+    assert set(arrays.files) == names
+    assert arrays["position"].shape == (3, 64, 96)
+    for name in names - {"position"}:
+        assert arrays[name].shape == (64, 96), name
+    valid = arrays["valid"]
+    assert valid.dtype == bool
+    assert np.isfinite(arrays["position"][:, valid]).all()
+    truth, adaptive = arrays["truth"], arrays[f"visibility_{report['methods'][1]['name']}"]
+    wrong = np.abs(truth - adaptive)[valid].mean()
+    stated = report["methods"][1]["error"]["misclassified_fraction"]
+    assert wrong == pytest.approx(stated, abs=1e-12)
+    # The eye looks down at the plane: rows further down see points nearer to the eye.
+    from asmjax.scene import load_builtin
+
+    eye = np.array(next(iter(load_builtin("letter_f").views.values())).origin)
+    distance = np.linalg.norm(arrays["position"] - eye[:, None, None], axis=0)
+    assert np.nanmedian(distance[-8:]) < np.nanmedian(distance[:8])
+
+
+def test_samples_give_fractions_and_the_seed_repeats_them(tmp_path):
+    """Four rays per pixel: visibility in quarters; the same seed gives the same truth."""
+    truths = []
+    for seed, folder in ((1, "a"), (1, "b"), (2, "c")):
+        words = ["run", "a1_square", "--size", "48", "48", "--memory-mb", "1", "--repeats", "1"]
+        words += ["--samples", "4", "--seed", str(seed), "--save-arrays", "--quiet"]
+        assert cli.main([*words, "--out", str(tmp_path / folder)]) == 0
+        truths.append(np.load(tmp_path / folder / "arrays.npz")["truth"])
+    assert set(np.unique(truths[0])) <= {0.0, 0.25, 0.5, 0.75, 1.0}
+    assert ((truths[0] > 0) & (truths[0] < 1)).any()
+    np.testing.assert_array_equal(truths[0], truths[1])
+    assert (truths[0] != truths[2]).any()
+
+
+def scene_file(folder: Path, sensor: str = SENSOR, light: str = LIGHT) -> str:
+    path = folder / "scene.xml"
+    path.write_text(SCENE.format(sensor=sensor, light=light), encoding="utf-8")
+    return str(path)
+
+
+NAN_EYE = SENSOR.replace('origin="3, -5, 5"', 'origin="nan, -5, 5"')
+
+BAD = {
+    "missing file": (lambda f: [str(f / "nothing.xml")], "nothing.xml"),
+    "folder": (lambda f: [str(f)], "is a folder"),
+    "malformed": (lambda f: [_written(f, "<scene version='3.0.0'><shape")], "scene.xml"),
+    "unknown plugin": (
+        lambda f: [_written(f, "<scene version='3.0.0'><shape type='blob'/></scene>")],
+        "blob",
+    ),
+    "no sensor": (lambda f: [scene_file(f, sensor="")], "sensor"),
+    "no light": (lambda f: [scene_file(f, light="")], "light"),
+    "empty view": (lambda f: [scene_file(f, sensor=AWAY)], "sees no surface"),
+    "NaN camera": (lambda f: [scene_file(f, sensor=NAN_EYE)], ""),
+    "size 0": (lambda f: ["letter_f", "--size", "0", "64"], "1 to 16384"),
+    "size too large": (lambda f: ["letter_f", "--size", "64", "16385"], "1 to 16384"),
+    "below one node": (lambda f: ["letter_f", "--memory-mb", "0.001"], "--memory-mb"),
+    "unknown scene": (lambda f: ["paper_rom"], "paper_room"),
+    "unknown view": (lambda f: ["paper_room", "--view", "closup"], "closeup"),
+    "unknown light": (lambda f: ["letter_f", "--light", "pont"], "point"),
+    "unknown sensor": (lambda f: [scene_file(f), "--sensor", "7"], "sensor"),
+    "unknown variant": (lambda f: ["letter_f", "--variant", "llvm"], "llvm_ad_rgb"),
+    "node resolution": (lambda f: ["letter_f", "--node-resolution", "17"], "powers of two"),
+    "cells": (lambda f: ["letter_f", "--cells", "3"], "2, 4, 8"),
+    "time limit": (lambda f: ["letter_f", "--time-limit-ms", "0"], "time limit"),
+}
+
+
+def _written(folder: Path, text: str) -> str:
+    path = folder / "scene.xml"
+    path.write_text(text, encoding="utf-8")
+    return str(path)
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_input_is_one_line_and_leaves_nothing(case, tmp_path, capfd):
+    """One line that names the trouble, exit code 2, no traceback, no half-written report."""
+    words, expected = BAD[case]
+    out = tmp_path / "out"
+    code = cli.main(["run", *words(tmp_path), "--out", str(out), "--repeats", "1"])
+    printed = capfd.readouterr().err.strip()
+    assert code == 2
+    assert printed.count("\n") == 0, printed
+    assert printed.startswith("asmjax: error: ")
+    assert expected in printed
+    assert "Traceback" not in printed
+    assert not out.exists()
+
+
+def test_results_that_cannot_be_written_are_refused_before_the_work(tmp_path, capfd):
+    """A file where the folder should be: said at once, not after everything was measured."""
+    blocker = tmp_path / "file"
+    blocker.write_text("", encoding="utf-8")
+    assert cli.main(["run", "paper_room", "--out", str(blocker / "below")]) == 2
+    assert "--out" in capfd.readouterr().err
+
+
+def test_notices_are_printed_once(tmp_path, capsys):
+    """An area lamp becomes a point and a sky is left out: a line each, in the report too."""
+    lights = LIGHT + '<emitter type="constant" id="sky"/>'
+    path = scene_file(tmp_path, light=lights)
+    words = ["run", path, "--memory-mb", "1", "--repeats", "1", "--out", str(tmp_path / "o")]
+    assert cli.main(words) == 0
+    printed = capsys.readouterr().out
+    assert printed.count("'sky'") == 1
+    report = json.loads((tmp_path / "o" / "report.json").read_text(encoding="utf-8"))
+    assert any("'sky'" in notice for notice in report["notices"])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("view", "factor", "resolution"),
+    [("overview", 3, 0), ("closeup", 10, 65_536), ("macro", 10, 524_288)],
+)
+def test_paper_room_bounds(view, factor, resolution):
+    """16 MB at 512 x 512: so many times fewer wrong pixels than the 2048 x 2048 depth map."""
+    from asmjax.main_job import measure_scene, report_of
+
+    options = RunOptions(scene="paper_room", view=view, repeats=1)
+    report = report_of(measure_scene(options), options)
+    error = fractions(report)
+    assert report["size"] == [512, 512]
+    uniform, adaptive = report["methods"][:2]
+    assert uniform["effective_resolution"] == 2048
+    assert error["adaptive"] <= error["uniform"] / factor
+    assert adaptive["effective_resolution"] >= resolution
+    assert adaptive["bytes"] <= 16 * 2**20
+    assert adaptive["error"]["boundary_displacement_px"]["mean"] <= 0.3
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "path",
+    [
+        "munich/munich_merged.xml",
+        "breakfast_room/breakfast_room.xml",
+        "victorian_house/victorian_house.xml",
+        "japanese_classroom/japanese_classroom.xml",
+        "cornell_box/cornell_box.xml",
+    ],
+)
+def test_real_scenes_gain(path):
+    """On every real scene the adaptive map is better than the uniform one of its memory."""
+    from asmjax.main_job import measure_scene, report_of
+
+    options = RunOptions(scene=real_scene(path), size=(320, 240), memory_mb=4, repeats=1)
+    error = fractions(report_of(measure_scene(options), options))
+    assert error["adaptive"] < error["uniform"]

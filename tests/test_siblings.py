@@ -1,0 +1,404 @@
+"""What every shadow algorithm must do, on scenes whose visibility is known in closed form.
+
+The algorithms are the entries of `helpers.registry`; the oracles are the closed forms of
+`asmjax.scene.analytic_scenes`, the uniform map, and each algorithm itself under another
+transformation of JAX or of space.
+"""
+
+import functools
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from helpers.analytic_cases import (
+    analytic_case,
+    case_of,
+    device_arrays,
+    moved,
+    random_rotation,
+)
+from helpers.compilations import counted_traces
+from helpers.counting import CountingRays
+from helpers.registry import FAST, SIBLINGS, VARIANTS
+
+from asmjax.buffers import SurfacePoints
+from asmjax.errors import UseError
+from asmjax.geometry import in_domain, towards_light
+from asmjax.metrics import boundary_edges, boundary_length, surface_pairs
+from asmjax.scene.analytic_scenes import ANALYTIC_SCENES
+from asmjax.scene.spec import LightSpec, ViewSpec
+from asmjax.shadow import (
+    ALGORITHMS,
+    AdaptiveShadowMap,
+    Status,
+    UniformShadowMap,
+    resolution_for,
+)
+from asmjax.shadow.texel_test import texel_bytes
+
+SIDE = 64
+"""Pixels a side where one build is enough: how an algorithm answers, not how well."""
+
+TEXELS = 4**7
+BUDGETS = (4**7, 4**8, 4**9)
+"""Texels in all, as against the 16,384 pixels of the images that error is measured in."""
+
+
+LIGHTS = ("a6_sphere", "a6_sphere_sun")
+"""A point light that needs three faces, and parallel rays."""
+
+
+def pairs(*chosen):
+    """Parametrises `sibling` and `name` by pairs of an algorithm and a scene."""
+    ids = [f"{sibling.name}-{name}" for sibling, name in chosen]
+    return pytest.mark.parametrize(("sibling", "name"), chosen, ids=ids)
+
+
+each = pairs(*((sibling, name) for sibling in SIBLINGS for name in LIGHTS))
+each_setting = pairs(
+    *((sibling, LIGHTS[k % 2]) for k, sibling in enumerate(SIBLINGS)),
+    *((variant, "a4_disc_light") for variant in VARIANTS),
+)
+each_sibling = pytest.mark.parametrize("sibling", SIBLINGS, ids=lambda s: s.name)
+
+
+def built(sibling, name, side=SIDE, texels=TEXELS):
+    """Case, algorithm, state; built once, as building is most of the time."""
+    return _built(sibling, name, side, texels, jnp.zeros(()).dtype.name)
+
+
+@functools.cache
+def _built(sibling, name, side, texels, precision):
+    del precision
+    case = analytic_case(name, side)
+    algorithm = sibling.of_budget(texels, case.frame.faces)
+    return case, algorithm, algorithm.build(case.eye, case.frame, case.rays)
+
+
+def test_the_registry_names_every_algorithm():
+    tested = {type(sibling.of_budget(TEXELS, 1)) for sibling in SIBLINGS}
+    assert tested == set(ALGORITHMS.values())
+
+
+def test_lights_are_of_the_kinds_that_these_tests_rely_on():
+    frames = [analytic_case(name, SIDE).frame for name in LIGHTS]
+    assert [frame.faces for frame in frames] == [3, 1]
+    assert [frame.perspective for frame in frames] == [True, False]
+
+
+def check_degenerate(sibling, name, compare):
+    """Same texel centres, same test: equal bit for bit."""
+    case = analytic_case(name, SIDE)
+    flat = UniformShadowMap(128, compare)
+    expected = flat.visibility(flat.build(case.eye, case.frame, case.rays), case.eye.points)
+    algorithm = sibling.degenerate(128, compare)
+    state = algorithm.build(case.eye, case.frame, case.rays)
+    np.testing.assert_array_equal(algorithm.visibility(state, case.eye.points), expected)
+    assert algorithm.effective_resolution(state) == 128
+    assert not algorithm.status(state).is_limit
+    assert 0.2 < np.mean(expected) < 0.99
+
+
+@each
+def test_degenerate_settings_are_the_uniform_map(sibling, name):
+    check_degenerate(sibling, name, "both")
+
+
+@pytest.mark.parametrize("sibling", VARIANTS, ids=lambda s: s.name)
+def test_degenerate_settings_of_variants_are_the_uniform_map(sibling):
+    check_degenerate(sibling, "a4_disc_light", "both")
+
+
+@each_sibling
+@pytest.mark.parametrize("compare", ["depth", "id"])
+def test_degenerate_settings_with_every_comparison(sibling, compare):
+    check_degenerate(sibling, "a4_disc_light", compare)
+
+
+@each_sibling
+def test_degenerate_settings_in_float64(sibling, x64):
+    check_degenerate(sibling, "a4_disc_light", "both")
+
+
+@each_setting
+def test_error_falls_with_the_budget(sibling, name):
+    """A larger budget is never worse than a smaller one by more than a tenth, and the largest is
+    at most half as wrong as the smallest.
+
+    Once all pixels are matched nothing more is promised than M4 does for texels of a pixel's
+    size: boundaries displaced by at most m / 4 = 1/4 pixel on average (0.35 with the scatter of
+    the some 100 boundary pixels).
+    """
+    errors = []
+    for texels in BUDGETS:
+        case, algorithm, state = built(sibling, name, 128, texels)
+        errors.append(case.error(algorithm.visibility(state, case.eye.points)))
+    size = case.eye.size
+    edges = boundary_edges(case.expected.reshape(size), surface_pairs(case.judged.reshape(size)))
+    matched = 0.35 * boundary_length(edges) / case.judged.sum()
+    for before, after in zip(errors, errors[1:], strict=False):
+        assert after <= max(1.1 * before, matched), errors
+    assert errors[-1] <= 0.5 * errors[0], errors
+
+
+@each_setting
+def test_no_error_away_from_edges(sibling, name):
+    """A pixel is asked of the texel it lies in, so its texel's centre is less than a texel away on
+    the receiver's plane: a wrong pixel has a shadow edge within that distance. The casters float
+    far above the receiver, where the bias is smaller than the gap.
+    """
+    found = 0
+    for texels in BUDGETS[:2]:
+        case, algorithm, state = built(sibling, name, 128, texels)
+        wrong = case.wrong(algorithm.visibility(state, case.eye.points))
+        width = case.texel_width(sibling.log2_resolution(algorithm, state, case.eye.points))
+        assert (case.edge_distance[wrong] < width[wrong]).all()
+        found += wrong.sum()
+    assert found, "nothing was tested"
+
+
+@pytest.mark.parametrize("name", ["a1_square", "a5_half_plane", "a8_slabs"])
+def test_other_scenes_are_right_away_from_edges(name):
+    """As above: a square, one endless edge, casters thinner than a texel."""
+    case = analytic_case(name, 128)
+    flat = UniformShadowMap(100)
+    state = flat.build(case.eye, case.frame, case.rays)
+    wrong = case.wrong(flat.visibility(state, case.eye.points))
+    assert (case.edge_distance[wrong] < case.texel_width(np.log2(100))[wrong]).all()
+    assert wrong.any(), "nothing was tested"
+
+
+@pytest.mark.parametrize("name", ["a4_disc_light", "a6_sphere_sun"])
+def test_uniform_map_converges_to_first_order(name):
+    """Misclassification is texel width times edge length: slope -1 in log-log (reference 3, M2).
+
+    Curved shadows, so that the grid's phase averages out; 0.15 is three standard deviations of
+    the fitted slope for the few hundred wrong pixels of the finest map.
+    """
+    case = analytic_case(name, 512)
+    sides = np.array([32, 64, 128, 256])
+    errors = []
+    for side in sides:
+        flat = UniformShadowMap(int(side))
+        state = flat.build(case.eye, case.frame, case.rays)
+        errors.append(case.error(flat.visibility(state, case.eye.points)))
+    slope = np.polyfit(np.log(sides), np.log(errors), 1)[0]
+    assert slope == pytest.approx(-1.0, abs=0.15), errors
+
+
+@each
+def test_cost_is_what_exists_and_stays_below_the_limit(sibling, name):
+    case, algorithm, _ = built(sibling, name)
+    rays = CountingRays(case.rays)
+    state = algorithm.build(case.eye, case.frame, rays)
+    cost = algorithm.cost(state)
+    assert cost.bytes == sum(array.nbytes for array in device_arrays(state))
+    assert cost.bytes <= TEXELS * texel_bytes("both")
+    assert 0 < cost.texels <= TEXELS
+    assert (cost.rays, cost.passes) == (rays.texels, rays.launches)
+    assert set(cost.seconds) == {"build", "analysis"} and min(cost.seconds.values()) >= 0
+
+
+@each
+def test_jit_is_no_jit(sibling, name):
+    """Fused arithmetic may round a receiver on a texel's border to the other side: one in 144."""
+    _, algorithm, state = built(sibling, name)
+    points = analytic_case(name, 12).eye.points
+    compiled = np.asarray(algorithm.visibility(state, points))
+    with jax.disable_jit():
+        plain = np.asarray(algorithm.visibility(state, points))
+    assert np.sum(compiled != plain) <= 1
+    assert 0 < compiled.mean() < 1
+
+
+@each
+def test_vmap_over_batches_is_the_whole(sibling, name):
+    case, algorithm, state = built(sibling, name)
+    points = case.eye.points
+    whole = np.asarray(algorithm.visibility(state, points))
+
+    def batch(a):
+        return jnp.moveaxis(a.reshape(*a.shape[:-1], 8, -1), -2, 0)
+
+    def visibility(position, normal, prim, valid):
+        chosen = SurfacePoints(position, normal, prim, valid, points.origin)
+        return algorithm.visibility(state, chosen)
+
+    parts = eqx.filter_vmap(visibility)(
+        batch(points.position), batch(points.normal), batch(points.prim), batch(points.valid)
+    )
+    np.testing.assert_array_equal(np.asarray(parts).ravel(), whole)
+
+
+@each
+def test_one_trace_per_shape(sibling, name):
+    """New values of the same shapes - points, light, texels - compile nothing again."""
+    case, algorithm, state = built(sibling, name)
+    other = moved(case, random_rotation(5), np.array([0.3, -0.2, 0.1]))
+    algorithm.visibility(state, case.eye.points)
+    with counted_traces() as traces:
+        again = algorithm.build(other.eye, other.frame, other.rays)
+        algorithm.visibility(again, other.eye.points).block_until_ready()
+    assert traces == []
+    with counted_traces() as traces:
+        algorithm.visibility(state, analytic_case(name, 7).eye.points)
+    assert traces, "the counter counts nothing"
+
+
+@each
+def test_visibility_is_0_or_1_and_dark_where_no_light_can_be(sibling, name, dtype):
+    """Flipped normals, points outside the frame and invalid pixels are dark; nothing is NaN."""
+    case, algorithm, state = built(sibling, name)
+    points, n = case.eye.points, case.eye.points.count
+    flipped = np.arange(n) % 5 == 0
+    away = np.arange(n) % 7 == 0
+    changed = SurfacePoints(
+        position=points.position + jnp.where(away, 1e3, 0.0).astype(points.position.dtype),
+        normal=jnp.where(flipped, -points.normal, points.normal),
+        prim=points.prim,
+        valid=points.valid & (np.arange(n) % 11 != 0),
+        origin=points.origin,
+    )
+    lit = algorithm.visibility(state, changed)
+    assert lit.shape == (n,) and lit.dtype == dtype
+    assert set(np.unique(np.asarray(lit))) == {0.0, 1.0}
+    world = np.where(case.eye.valid, case.eye.world, 0.0) + np.where(away, 1e3, 0.0)
+    normal = np.where(flipped, -1, 1) * case.eye.normal
+    facing = np.einsum("in,in->n", normal, towards_light(case.frame, world)) > 0
+    possible = np.asarray(changed.valid) & facing & in_domain(case.frame, world)
+    assert not np.asarray(lit)[~possible].any()
+    assert np.asarray(lit)[possible].mean() > 0.5
+
+
+@each
+@pytest.mark.parametrize("shift", [0.0, 1e4])
+def test_rigid_motion_changes_nothing(sibling, name, shift):
+    """Scene, eye and light move as one body, 10,000 units away too: positions are relative to the
+    eye, so only receivers within a rounding of a texel's border may change (2 of 4,096)."""
+    case, algorithm, state = built(sibling, name)
+    other = moved(case, random_rotation(11), shift * np.array([1.0, -2.0, 0.5]))
+    before = np.asarray(algorithm.visibility(state, case.eye.points))
+    state = algorithm.build(other.eye, other.frame, other.rays)
+    after = np.asarray(algorithm.visibility(state, other.eye.points))
+    np.testing.assert_array_equal(case.eye.valid, other.eye.valid)
+    assert np.sum(before != after) <= 2
+
+
+@each
+def test_float32_equals_float64(sibling, name):
+    """Precision decides only receivers within a rounding of a texel's border (2 of 4,096)."""
+    lit = []
+    for double in (False, True):
+        with jax.enable_x64(double):
+            case, algorithm, state = built(sibling, name)
+            lit.append(np.asarray(algorithm.visibility(state, case.eye.points)))
+    assert lit[0].dtype == np.float32 and lit[1].dtype == np.float64
+    assert np.sum(lit[0] != lit[1]) <= 2
+
+
+@each_sibling
+def test_points_that_several_faces_hold(sibling):
+    """One face over a part of the image, and a second, turned one over all of it. Every receiver
+    is served, and wrong only within a texel of an edge, on either side of the seam."""
+    case = analytic_case("a4_disc_light", SIDE)
+    turn = np.array([[np.cos(0.5), np.sin(0.5), 0], [-np.sin(0.5), np.cos(0.5), 0], [0, 0, 1]])
+    frame, first = case.frame, case.frame.rotation[0]
+    half = float(np.abs(frame.corner).max()) * 1.5
+    faces = eqx.tree_at(
+        lambda f: (f.rotation, f.corner, f.extent),
+        frame,
+        (
+            np.stack([first, turn @ first]),
+            np.stack([frame.corner[0], [-half, -half]]),
+            np.stack([frame.extent[0] * [0.5, 1.0], [2 * half, 2 * half]]),
+        ),
+    )
+    algorithm = sibling.of_budget(TEXELS, 2)
+    state = algorithm.build(case.eye, faces, case.rays)
+    lit = algorithm.visibility(state, case.eye.points)
+    wrong = case.wrong(lit)
+    log2 = sibling.log2_resolution(algorithm, state, case.eye.points)
+    # The second face is at most 1.5 * sqrt(2) times as wide as the one that `texel_width` knows.
+    assert (case.edge_distance[wrong] < 2.2 * case.texel_width(log2)[wrong]).all()
+    assert case.error(lit) < 0.02
+
+
+@pytest.mark.parametrize(
+    "short",
+    [
+        lambda: AdaptiveShadowMap(memory_bytes=1500).tree_shape(1),
+        lambda: AdaptiveShadowMap(memory_bytes=6 * 2200).tree_shape(6),
+        lambda: AdaptiveShadowMap(memory_bytes=2**16, start_resolution=512).tree_shape(1),
+        lambda: resolution_for(3, 1),
+        lambda: resolution_for(4 * 3 - 1, 3),
+    ],
+)
+def test_memory_below_one_node_is_refused_with_a_remedy(short):
+    with pytest.raises(UseError, match="raise --memory-mb") as problem:
+        short()
+    assert "\n" not in str(problem.value)
+
+
+def test_least_memory_in_the_message_is_enough():
+    """The message says what is allowed: that much, rounded up, must work; less must not."""
+    with pytest.raises(UseError) as problem:
+        AdaptiveShadowMap(memory_bytes=1).tree_shape(3)
+    megabytes = float(str(problem.value).split("allowed is ")[1].split(" MB")[0])
+    # The message prints three digits.
+    assert AdaptiveShadowMap(memory_bytes=int(megabytes * 2**20 * 1.005)).tree_shape(3).pages == 3
+    with pytest.raises(UseError):
+        AdaptiveShadowMap(memory_bytes=int(megabytes * 2**20 * 0.99)).tree_shape(3)
+
+
+def limited(case, **settings):
+    algorithm = AdaptiveShadowMap(**{"cost_model": FAST} | settings)
+    state = algorithm.build(case.eye, case.frame, case.rays)
+    lit = algorithm.visibility(state, case.eye.points)
+    log2 = algorithm.lookup(state, case.eye.points)[1]
+    return algorithm.status(state), case.wrong(lit), case.texel_width(log2)
+
+
+@pytest.mark.parametrize(
+    ("settings", "status"),
+    [
+        ({"memory_bytes": TEXELS * 6}, Status.MEMORY_LIMIT),
+        ({"memory_bytes": 3 * 2100}, Status.MEMORY_LIMIT),
+        ({"time_limit": 1e-6}, Status.TIME_LIMIT),
+        ({"max_passes": 1, "cover": False}, Status.PASS_LIMIT),
+    ],
+)
+def test_every_limit_is_told_and_leaves_a_coarser_map(settings, status):
+    """What was built answers every pixel: wrong only within a texel of a shadow edge."""
+    case = analytic_case("a4_disc_light", SIDE)
+    ended, wrong, width = limited(case, **settings)
+    assert ended is status and ended.is_limit
+    assert (case.edge_distance[wrong] < width[wrong]).all()
+
+
+def test_full_node_table_is_told():
+    """Pages 16 levels down need 16 nodes each on the way, and the table has 4 a page: the eye
+    hovers above the shadow's edge, and the light's fixed field of view is 100 degrees wide."""
+    scene = ANALYTIC_SCENES["a4_disc_light"]()
+    edge = 5.0 / 3.0
+    view = ViewSpec("near", (edge, 0.0, 0.004), (edge, 0.0, 0.0), (0.0, 1.0, 0.0), 20.0, SIDE, SIDE)
+    light = LightSpec("centre", "point", position=(0.0, 0.0, 5.0), fov_deg=100.0)
+    case = case_of(scene, scene.spec.shapes, view, light)
+    status, wrong, width = limited(case, memory_bytes=3 * 2100)
+    assert status is Status.NODE_CAPACITY and status.is_limit
+    assert "--node-resolution" in status.value
+    assert (case.edge_distance[wrong] < width[wrong]).all()
+    # With room for them the same pages exist, and the shadow is exact.
+    status, wrong, width = limited(case, memory_bytes=2**20)
+    assert status is not Status.NODE_CAPACITY
+    assert (case.edge_distance[wrong] < width[wrong]).all() and wrong.mean() < 0.002
+
+
+def test_addresses_that_do_not_fit_32_bits_are_refused():
+    """Texels are addressed as one int32: a pool or map beyond that would wrap in silence."""
+    with pytest.raises(UseError, match="--memory-mb"):
+        AdaptiveShadowMap(memory_bytes=2**36).tree_shape(1)
+    case = analytic_case("a6_sphere", SIDE)
+    with pytest.raises(UseError, match="32768"):
+        UniformShadowMap(2**15).build(case.eye, case.frame, case.rays)

@@ -1,0 +1,84 @@
+"""Nothing is traced twice: one trace per shape, and none in a second frame of the same size.
+
+Tracing costs more than a whole pass of refinement (design, section 5), so a value that slips into
+the static part of an argument would spoil every timing. JAX reports each trace to its monitor.
+"""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from helpers.compilations import counted_traces
+from helpers.poses import random_pose
+
+from asmjax.experiment.maps import analysis_maps
+from asmjax.scene.analytic_rays import AnalyticRays, analytic_eye, scene_bounds
+from asmjax.scene.analytic_scenes import ANALYTIC_SCENES
+from asmjax.scene.lights import light_frame
+from asmjax.scene.spec import ViewSpec
+from asmjax.shadow import AdaptiveShadowMap, UniformShadowMap
+from asmjax.shadow.adaptive.cost_model import CostModel
+
+SIZE = 48
+EYES = ((3.0, -4.0, 5.0), (-2.5, -3.5, 6.0), (0.5, -5.5, 4.0))
+MEMORY = 2**19
+MODEL = CostModel(1e-8, 1e-4, 0.0)
+
+
+def whole_jax_side(scene, eye_at) -> tuple[np.ndarray, np.ndarray]:
+    """Everything but the figures, for one eye: both maps, their visibility, the analysis."""
+    shapes = scene.spec.shapes
+    view = ViewSpec("eye", eye_at, (0.0, 0.0, 0.0), fov_x_deg=50, width=SIZE, height=SIZE)
+    eye = analytic_eye(shapes, view)
+    frame = light_frame(next(iter(scene.spec.lights.values())), eye, scene_bounds(shapes))
+    rays = AnalyticRays(shapes)
+    flat = UniformShadowMap(resolution=64)
+    flat_state = flat.build(eye, frame, rays)
+    maps = analysis_maps(eye, frame, flat, flat_state)
+    adaptive = AdaptiveShadowMap(
+        memory_bytes=MEMORY, start_resolution=64, compare="depth", cost_model=MODEL
+    )
+    state = adaptive.build(eye, frame, rays)
+    lit = adaptive.visibility(state, eye.points)
+    flat.visibility(flat_state, eye.points)
+    return np.asarray(lit), maps["m"]
+
+
+@pytest.mark.parametrize("name", ["a1_square", "a6_sphere_sun"])
+def test_a_second_view_of_the_same_size_traces_nothing(name):
+    """Two views warm up (the second may meet a bucket size that the first did not); the third,
+    from another eye and hence with another light frame, must trace nothing at all."""
+    scene = ANALYTIC_SCENES[name]()
+    first = whole_jax_side(scene, EYES[0])
+    whole_jax_side(scene, EYES[1])
+    with counted_traces() as traced:
+        third = whole_jax_side(scene, EYES[2])
+    assert traced == []
+    # Not the same picture again: the comparison would be empty.
+    assert not np.array_equal(first[0], third[0])
+    assert not np.array_equal(first[1], third[1], equal_nan=True)
+
+
+def test_kernels_trace_once_per_shape_and_type():
+    """New values trace nothing; a new number of points, or another dtype, does."""
+    poses = [random_pose(seed, "point", 90) for seed in range(3)]
+    poses[0].jacobian(np.float32)
+    with counted_traces() as traced:
+        poses[1].jacobian(np.float32)
+        poses[2].jacobian(np.float32)
+    assert traced == []
+    with counted_traces() as traced:
+        random_pose(1, "point", 91).jacobian(np.float32)
+    assert traced != []
+
+
+def test_the_counter_counts():
+    """The tests above pass for nothing if the monitor stays silent."""
+    fresh = jax.jit(lambda x: x * 3 + 1)
+    with counted_traces() as traced:
+        fresh(jnp.ones(7))
+        fresh(jnp.zeros(7))
+    assert len(traced) >= 1
+    with counted_traces() as traced:
+        fresh(jnp.ones(7))
+    assert traced == []
