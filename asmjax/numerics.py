@@ -1,10 +1,6 @@
 """Double-where helpers: no NaN in value or gradient when a masked entry would divide by zero."""
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float
-
-Values = Float[Array, "..."]
-
 
 LEAST_DEPTH = 1e-12
 """Points nearer than this along an axis, in scene units, are not in front of it."""

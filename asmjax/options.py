@@ -51,7 +51,7 @@ class LimitOptions:
     with, in MB (2^20 bytes). Never exceeded."""
 
     time_limit_ms: Annotated[float | None, _named("MS", "until nothing is left to gain")] = None
-    """Time to refine the adaptive map, in milliseconds."""
+    """Time to build the adaptive map, in milliseconds; calibration is not counted."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -116,7 +116,7 @@ class RunOptions(
     def __post_init__(self):
         _at_least(1e-6, "--memory-mb", self.memory_mb, "MB")
         if self.time_limit_ms is not None:
-            _at_least(0.0, "--time-limit-ms", self.time_limit_ms, "milliseconds")
+            _at_least(1e-3, "--time-limit-ms", self.time_limit_ms, "milliseconds")
         _at_least(1, "--node-resolution", self.node_resolution, "texels")
         _at_least(1, "--cells", self.cells, "cell per side")
         _at_least(1, "--samples", self.samples, "ray per pixel")

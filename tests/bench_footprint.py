@@ -1,6 +1,6 @@
 """Benchmarks of the JAX kernels on a 512 x 512 view; `make bench` runs them.
 
-"Done when" 5 of the main issue: footprint, area ratio, n_required and benefit take at most 10
+The bound: footprint, area ratio, n_required and benefit take at most 10
 times a copy of the bytes that they read and write. `extra_info` holds the ratio. Both are timed
 here in turn, so that a busy machine slows both alike.
 """
@@ -36,7 +36,7 @@ SIDE, RESOLUTION, CELLS = 512, 2048, 128
 def footprints(points, camera, frame, offset, straddles):
     """Per-pixel area ratio, m, n_required and benefit, from points and normals."""
     receivers = project(points, frame, offset)
-    jacobian = uv_jacobian(points, camera, frame, offset, receivers)
+    jacobian = uv_jacobian(points, camera, frame, receivers)
     axis = log2_m(jacobian, RESOLUTION)
     area = jnp.exp2(2 * log2_linear_ratio(jacobian, RESOLUTION))
     index = cell_index(receivers.uv, receivers.face, CELLS)
@@ -111,7 +111,7 @@ def test_adaptive_analysis(benchmark, scene, adaptive):
     (eye, frame, _), (algorithm, state) = scene, adaptive
     offset = light_offset(eye.points, frame)
     receivers = project(eye.points, frame, offset)
-    jacobian = uv_jacobian(eye.points, eye.camera, frame, offset, receivers)
+    jacobian = uv_jacobian(eye.points, eye.camera, frame, receivers)
     look = audience(receivers, log2_m(jacobian, 1))
 
     def call():

@@ -14,7 +14,7 @@ from asmjax.scene.closed_forms import Ellipse
 
 # The reference prints its numbers to six decimals.
 PRINTED = 5.1e-7
-# Points nearer to an edge than this are left out, as in "Done when" 4 of the main issue.
+# Points nearer to an edge than this are left out.
 EDGE_MARGIN = 1e-5
 
 A2 = {"half": 1.0, "light_half": 0.6, "light_height": 5.0, "occluder_height": 2.0}

@@ -45,7 +45,9 @@ def test_ten_percent_noise_is_recovered_within_five():
 
 
 def test_many_sizes_are_recovered_within_five_percent_every_time():
-    texels = np.square(np.geomspace(16, 1024, 200))
+    """Weights from the measured times favour what happened to be short: with 10 % noise that takes
+    2 sigma^2 = 2 % off either coefficient; the rest is below 1 % for 600 sizes."""
+    texels = np.square(np.geomspace(16, 1024, 600))
     for seed in range(20):
         noise = 1 + 0.1 * np.random.default_rng(seed).standard_normal(texels.size)
         model = fit_cost_model(texels, (A * texels + B) * noise)

@@ -35,8 +35,10 @@ def test_tree_is_drawn_whole_and_where_its_nodes_are():
         u, v, size = window
         assert axes.get_xlim() == pytest.approx((u, u + size))
         assert axes.get_ylim() == pytest.approx((v + size, v))
-    # Nodes of at least 3.5 pixels, without the root, whose outline is the panel's.
-    assert len(panels[0].collections[0].get_paths()) == 7
+    # Nodes of at least 4.5 pixels, without the root, whose outline is the panel's.
+    paths = panels[0].collections[0].get_paths()
+    assert [np.shape(path.vertices) for path in paths] == [(5, 2)] * 7
+    np.testing.assert_allclose(paths[0].get_extents().size, 0.5)
     labels = [text.get_text() for text in figure.axes[-1].get_yticklabels()]
     assert labels[0].split() == ["0", "2⁶"] and labels[-1].split() == ["8", "2¹⁴"]
 

@@ -75,7 +75,7 @@ def test_moving_everything_as_one_changes_nothing(x64, kind):
 
 
 def test_light_at_the_eye(x64):
-    """C_l = C_e: rho = (F_e / F_l)^2, whatever the depth and the normal (reference 1.5)."""
+    """C_l = C_e: rho = (F_e / F_l)^2, whatever the depth and the normal."""
     pose = random_pose(6)
     camera = pose.camera
     fov, texels = 100.0, 300
@@ -200,7 +200,7 @@ def test_required_level_of_area_and_axis(x64):
 
 
 def test_ratios_in_float32_agree_with_float64(x64):
-    """Figure R2: relative error at most 1e-5 for 99.9 % of 10,000 points and 1e-3 for all."""
+    """Float32 against float64: 1e-5 relative for 99.9 % of 10,000 points, 1e-3 for all."""
     pose = random_pose(10, count=10_000, least_cosine=0.3)
     double = [np.asarray(f(pose.jacobian(), RESOLUTION)) for f in (area_ratio, linear_ratio, m)]
     with jax.enable_x64(False):
@@ -231,7 +231,7 @@ EACH = {name: value_and_gradient(kernel) for name, kernel in KERNELS.items()}
 @example(np.zeros((2, 2, 8)))
 @example(np.ones((2, 2, 8)))
 def test_finite_for_any_jacobian(jacobian):
-    """Figure R1, value and gradient of every function of a Jacobian, in both precisions."""
+    """Value and gradient of every function of a Jacobian are finite, in both precisions."""
     for dtype in (np.float32, np.float64):
         with jax.enable_x64(dtype == np.float64):
             for kernel in EACH.values():

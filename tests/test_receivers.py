@@ -196,7 +196,7 @@ def test_far_from_the_origin_nothing_changes(kind, far):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_float32_agrees_with_float64(x64, kind):
-    """Figure R2 on 10,000 points: uv to 1e-5 of the image, depth to 1e-5, for 99.9 %."""
+    """Float32 against float64: uv to 1e-5 of the image, depth to 1e-5, for 99.9 % of the points."""
     pose = random_pose(7, kind, 10_000)
     double = pose.receivers()
     with jax.enable_x64(False):
@@ -246,7 +246,7 @@ FRAMES = frames_to_break()
 CAMERA = random_pose(0).camera
 
 
-def chain(frame):
+def chain(frame, offset):
     """Everything continuous that `project` and `uv_jacobian` give, of position and normal."""
 
     def kernel(position, normal):
@@ -257,9 +257,8 @@ def chain(frame):
             valid=jnp.arange(8) != 3,
             origin=CAMERA.origin,
         )
-        offset = light_offset(points, frame)
         r = project(points, frame, offset)
-        jacobian = uv_jacobian(points, CAMERA, frame, offset, r)
+        jacobian = uv_jacobian(points, CAMERA, frame, r)
         plane = plane_depth(r, jnp.full((2, 8), 0.01, position.dtype), frame.perspective)
         rows = [*r.uv, r.depth, *r.slope, r.secant, r.reach, plane, *jacobian.reshape(4, -1)]
         return jnp.stack(rows)
@@ -268,32 +267,34 @@ def chain(frame):
 
 
 @eqx.filter_jit
-def chain_gradients(frame, position, normal):
-    return value_and_gradient(chain(frame))(position, normal)
+def chain_gradients(frame, offset, position, normal):
+    return value_and_gradient(chain(frame, offset))(position, normal)
 
 
 @given(hostile_arrays((3, 8)), hostile_arrays((3, 8)))
 @example(np.zeros((3, 8)), np.zeros((3, 8)))
 def test_finite_for_any_finite_input(position, normal):
-    """Figure R1: points at the eye, at and behind the light, grazing, masked; degenerate frames."""
+    """Finite at the eye, at and behind the light, grazing, masked, and in degenerate frames."""
     normal = unit_or_zero(normal)
     for dtype in (np.float32, np.float64):
         with jax.enable_x64(dtype == np.float64):
             for frame in FRAMES:
-                assert_finite(
-                    chain_gradients(frame, *(jnp.asarray(a, dtype) for a in (position, normal)))
-                )
+                offset = CAMERA.origin - frame.origin
+                arguments = (jnp.asarray(a, dtype) for a in (position, normal))
+                assert_finite(chain_gradients(frame, offset, *arguments))
 
 
 @pytest.mark.parametrize("k", range(3))
 def test_gradients(x64, k):
-    """Figure R4 through projection and Jacobian, at points that the light and the eye see."""
+    """Gradients through projection and Jacobian, at points that the light and the eye see."""
     pose = random_pose(0, KINDS[k], 100, least_cosine=0.2)
     pose = Pose(CAMERA, FRAMES[k], pose.world, pose.normal, pose.columns, pose.rows)
     facing = np.flatnonzero(pose.receivers().facing)[:8]
     assert facing.size == 8
     assert_gradient(
-        chain(FRAMES[k]), pose.world[:, facing] - CAMERA.origin[:, None], pose.normal[:, facing]
+        chain(FRAMES[k], CAMERA.origin - FRAMES[k].origin),
+        pose.world[:, facing] - CAMERA.origin[:, None],
+        pose.normal[:, facing],
     )
 
 
@@ -303,17 +304,15 @@ axes = hostile_arrays(3)
 @given(axes)
 def test_basis_is_orthonormal_and_right_handed(axis):
     """Any direction, also along the poles; a vector without direction is refused."""
-    if not 0 < np.linalg.norm(axis) < np.inf:
+    if not axis.any():
         with pytest.raises(UseError, match="no direction"):
             basis_from_axis(axis)
         return
     basis = basis_from_axis(axis)
-    # A denormal axis has only a few digits itself.
-    tolerance = 1e-14 if np.linalg.norm(axis) > 1e-300 else 0.5
-    assert np.abs(basis @ basis.T - np.eye(3)).max() < tolerance
-    if tolerance < 0.5:
-        assert np.linalg.det(basis) == pytest.approx(1.0)
-        assert_allclose(basis[2], unit(axis), atol=1e-15)
+    assert np.abs(basis @ basis.T - np.eye(3)).max() < 1e-14
+    assert np.linalg.det(basis) == pytest.approx(1.0)
+    scaled = axis / np.abs(axis).max()
+    assert_allclose(basis[2], scaled / np.linalg.norm(scaled), atol=1e-15)
 
 
 def test_basis_is_continuous_but_where_z_changes_sign():

@@ -103,7 +103,7 @@ def test_list_matches_the_scenes(scenes):
 
 
 def test_listing_and_building_are_fast():
-    """Bounds of the main issue with room for a busy machine: best of five."""
+    """Bounds with room for a busy machine: best of five."""
     listing, building = [], []
     for _ in range(5):
         start = time.perf_counter()

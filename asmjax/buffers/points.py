@@ -14,7 +14,8 @@ class SurfacePoints(eqx.Module):
     Attributes:
         position: (3, n) world axes, scene units, minus `origin`.
         normal: (3, n) unit geometric normals on the eye's side; 0 where not valid.
-        prim: (n,) global primitive id, -1 where not valid.
+        prim: (n,) global primitive id where the primitive is flat, else -1: a curved one can shade
+            itself, so its id proves nothing. -1 where not valid.
         valid: (n,) whether the eye sees a surface there.
         origin: (3,) float64, world.
     """
@@ -39,6 +40,7 @@ class EyeBuffer(eqx.Module):
         world: (3, n) float64 world positions on the host, NaN where not valid.
         normal: (3, n) float64 normals on the host, 0 where not valid.
         depth: (n,) float64 axial depth on the host, +inf where not valid.
+        prim: (n,) int32 global primitive id on the host, flat or curved, -1 where not valid.
         shape: (n,) int32 dense shape id in scene order, -1 where not valid.
         albedo: (3, n) float32 diffuse reflectance, 0 where not valid.
     """
@@ -48,6 +50,7 @@ class EyeBuffer(eqx.Module):
     world: np.ndarray
     normal: np.ndarray
     depth: np.ndarray
+    prim: np.ndarray
     shape: np.ndarray
     albedo: np.ndarray
 
@@ -70,8 +73,12 @@ def eye_buffer(
     prim: np.ndarray,
     shape: np.ndarray,
     albedo: np.ndarray,
+    flat: np.ndarray,
 ) -> EyeBuffer:
-    """An `EyeBuffer` from float64 host arrays; positions become relative before any rounding."""
+    """An `EyeBuffer` from float64 host arrays; positions become relative before any rounding.
+
+    `flat` (n,) says whether the seen primitive is flat; the other arguments are the attributes.
+    """
     valid = shape >= 0
     relative = np.where(valid, world - camera.origin[:, None], 0.0)
     return EyeBuffer(
@@ -79,13 +86,14 @@ def eye_buffer(
         points=SurfacePoints(
             position=jnp.asarray(relative, float),
             normal=jnp.asarray(np.where(valid, normal, 0.0), float),
-            prim=jnp.asarray(prim, jnp.int32),
+            prim=jnp.asarray(np.where(flat, prim, -1), jnp.int32),
             valid=jnp.asarray(valid),
             origin=camera.origin,
         ),
         world=world,
         normal=normal,
         depth=depth,
+        prim=prim,
         shape=shape,
         albedo=albedo,
     )

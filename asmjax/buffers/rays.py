@@ -65,7 +65,7 @@ def whole_image(frame: LightFrame, resolution: int) -> TexelWindows:
 
 
 class LightRays(abc.ABC):
-    """Casts rays for shadow algorithms. Implementations count what they cast."""
+    """Casts rays for shadow algorithms, which count what they ask for."""
 
     @abc.abstractmethod
     def closest(

@@ -42,66 +42,99 @@ class Receivers(eqx.Module):
     facing: Bool[Array, " n"]
 
 
-def light_offset(points: SurfacePoints, frame: LightFrame) -> np.ndarray:
-    """(3,) float64: the points' origin as seen from the light's, formed before any rounding."""
-    return np.asarray(points.origin, np.float64) - frame.origin
+def light_offset(points: SurfacePoints, frame: LightFrame) -> np.ndarray | Float[Array, " 3"]:
+    """(3,) the points' origin as seen from the light's, in float64 before any rounding."""
+    if isinstance(points.origin, np.ndarray) and isinstance(frame.origin, np.ndarray):
+        return np.asarray(points.origin, np.float64) - frame.origin
+    # Inside a transformation of the caller's the difference is formed in its own precision.
+    return jnp.asarray(points.origin) - jnp.asarray(frame.origin)
 
 
 def project(points: SurfacePoints, frame: LightFrame, offset) -> Receivers:
     """Surface points in the light's image; pure, in the dtype of `points.position`.
 
     `offset` is `light_offset(points, frame)`. The plane form is that of a tap-based receiver
-    plane (soft_and_hybrid reference 0.1): z_plane = n.(X - L) / (n.D) at a texel-centre ray D.
+    plane (docs/theory.md, "The shadow test"): z_plane = n.(X - L) / (n.D) at a texel-centre ray D.
     """
-    world = points.position + jnp.asarray(offset, points.position.dtype)[:, None]
-    result = _on_face(points, frame, 0, world)
-    for face in range(1, frame.faces):
-        result = _either(result, _on_face(points, frame, face, world))
-    return result
-
-
-def _on_face(points: SurfacePoints, frame: LightFrame, face: int, world) -> Receivers:
-    """The points as one face sees them; `world` (3, n) are positions relative to the light."""
 
     def cast(a):
-        return jnp.asarray(a, world.dtype)
+        return jnp.asarray(a, points.position.dtype)
 
-    axes, extent, corner = (cast(a[face]) for a in (frame.rotation, frame.extent, frame.corner))
-    position = [dot(axis, world) for axis in axes]
-    normal = [dot(axis, points.normal) for axis in axes]
-    x, y, depth = position
-    shone_on = points.valid & (depth > cast(frame.near))
+    world = points.position + cast(offset)[:, None]
+    face = jnp.zeros_like(points.prim)
+    shone_on = _in_face(frame, 0, world, cast)
+    for other in range(1, frame.faces):
+        found = _in_face(frame, other, world, cast) & ~shone_on
+        face = jnp.where(found, other, face)
+        shone_on |= found
+    shone_on &= points.valid
     if frame.perspective:
-        scale = depth
-        shone_on &= depth > LEAST_DEPTH
         axial = dot(cast(frame.cone_axis), world)
-        shone_on &= axial > cast(frame.cos_cutoff) * safe_sqrt(dot(world, world))
-    else:
-        scale = jnp.ones_like(depth)
-    # Inside before dividing: nothing outside reaches a quotient, in value or gradient.
-    for k in range(2):
-        along = position[k] - corner[k] * scale
-        shone_on &= (along >= 0) & (along < extent[k] * scale)
-    x, y = jnp.where(shone_on, x, 0), jnp.where(shone_on, y, 0)
-    depth = jnp.where(shone_on, depth, 1)
-    reach = jnp.maximum(extent[0], extent[1]) * jnp.ones_like(depth)
+        cosine = cast(frame.cos_cutoff)
+        shone_on &= (cosine <= -1) | (axial > cosine * safe_sqrt(dot(world, world)))
+    return _on_face(points, frame.perspective, world, face, shone_on, of_face(frame, face, cast))
+
+
+def of_face(frame: LightFrame, face: Int[Array, " n"], cast):
+    """Rotation, corner and extent of one face; of more faces that of each point, its index last."""
+
+    def chosen(table):
+        table = cast(table)
+        if frame.faces == 1:
+            return table[0]
+        rows = table.reshape(frame.faces, -1).T[:, face]
+        return rows.reshape(*table.shape[1:], face.shape[0])
+
+    return chosen(frame.rotation), chosen(frame.corner), chosen(frame.extent)
+
+
+def _in_face(frame: LightFrame, face: int, world, cast) -> Bool[Array, " n"]:
+    """Which points lie in front of a face and inside its rectangle; nothing is divided."""
+    rotation, corner, extent = (cast(a[face]) for a in (frame.rotation, frame.corner, frame.extent))
+    depth = dot(rotation[2], world)
+    inside = depth > cast(frame.near)
+    scale = jnp.ones_like(depth)
     if frame.perspective:
+        inside &= depth > LEAST_DEPTH
+        scale = depth
+    for k in range(2):
+        along = dot(rotation[k], world) - corner[k] * scale
+        inside &= (along >= 0) & (along < extent[k] * scale)
+    return inside
+
+
+def _on_face(points: SurfacePoints, perspective: bool, world, face, shone_on, of_face) -> Receivers:
+    """The points on the faces that they lie in; `world` (3, n) is relative to the light."""
+    axes, corner, extent = of_face
+    # Nothing that is not lit reaches a quotient, in value or gradient.
+    x, y, depth = (
+        jnp.where(shone_on, dot(axis, world), safe)
+        for axis, safe in zip(axes, (0, 0, 1), strict=True)
+    )
+    normal = [dot(axis, points.normal) for axis in axes]
+    reach = jnp.maximum(extent[0], extent[1]) * jnp.ones_like(depth)
+    if perspective:
         x, y = x / depth, y / depth
         along = normal[0] * x + normal[1] * y + normal[2]
         length = jnp.sqrt(x * x + y * y + 1)
         reach = reach * depth
     else:
         along, length = normal[2], jnp.ones_like(depth)
-    u, v = (safe_divide(p - corner[k], extent[k]) for k, p in enumerate((x, y)))
-    facing = shone_on & (u >= 0) & (u < 1) & (v >= 0) & (v < 1) & (along < 0)
+    facing = shone_on & (along < 0)
     edge_on = jnp.abs(along) < GRAZING * length
     steepness = jnp.where(edge_on, 0, 1 / jnp.where(edge_on, 1, along))
-    if not frame.perspective:
+    if not perspective:
         steepness = -steepness
     secant = length / jnp.maximum(jnp.abs(along), GRAZING * length)
+    below_1 = 1 - jnp.finfo(depth.dtype).epsneg
+
+    def image(k, plane):
+        inside = jnp.clip(safe_divide(plane - corner[k], extent[k]), 0, below_1)
+        return jnp.where(facing, inside, 0.5)
+
     return Receivers(
-        face=jnp.full_like(points.prim, face),
-        uv=jnp.stack([jnp.where(facing, u, 0.5), jnp.where(facing, v, 0.5)]),
+        face=jnp.where(facing, face, 0),
+        uv=jnp.stack([image(0, x), image(1, y)]),
         depth=jnp.where(facing, depth, 1),
         slope=jnp.stack(
             [jnp.where(facing, normal[k] * extent[k] * steepness, 0) for k in range(2)]
@@ -110,19 +143,4 @@ def _on_face(points: SurfacePoints, frame: LightFrame, face: int, world) -> Rece
         reach=reach,
         prim=points.prim,
         facing=facing,
-    )
-
-
-def _either(first: Receivers, second: Receivers) -> Receivers:
-    """`first` where the point lies in one of its faces, else `second`."""
-    take = first.facing
-    return Receivers(
-        face=jnp.where(take, first.face, jnp.where(second.facing, second.face, 0)),
-        uv=jnp.where(take, first.uv, second.uv),
-        depth=jnp.where(take, first.depth, second.depth),
-        slope=jnp.where(take, first.slope, second.slope),
-        secant=jnp.where(take, first.secant, second.secant),
-        reach=jnp.where(take, first.reach, second.reach),
-        prim=first.prim,
-        facing=take | second.facing,
     )

@@ -2,10 +2,12 @@
 
 from asmjax.experiment.maps import analysis_maps
 from asmjax.experiment.methods import Measured, measure, measure_rays, settings_of
+from asmjax.experiment.result import RunResult
 from asmjax.experiment.timing import median_by_stage, repeated, timed
 
 __all__ = [
     "Measured",
+    "RunResult",
     "analysis_maps",
     "measure",
     "measure_rays",

@@ -53,5 +53,5 @@ def analysis_maps(
 @eqx.filter_jit
 def _footprints(points, camera, frame, offset, resolution: int) -> tuple[Receivers, Array, Array]:
     receivers = project(points, frame, offset)
-    jacobian = uv_jacobian(points, camera, frame, offset, receivers)
+    jacobian = uv_jacobian(points, camera, frame, receivers)
     return receivers, log2_linear_ratio(jacobian, resolution), log2_m(jacobian, resolution)

@@ -1,4 +1,4 @@
-"""World area of one pixel or texel on a surface (hard_shadows reference 1.5)."""
+"""World area of one pixel or texel on a surface (docs/theory.md)."""
 
 import jax.numpy as jnp
 

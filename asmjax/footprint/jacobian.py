@@ -1,4 +1,4 @@
-"""The pixel-to-texel Jacobian, in closed form per surface point (hard_shadows reference 1.5).
+"""The pixel-to-texel Jacobian, in closed form per surface point (docs/theory.md).
 
 Computed from position and normal of each pixel alone; never from neighbouring pixels, whose
 differences are meaningless across silhouettes.
@@ -9,6 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from asmjax.buffers import Receivers, SurfacePoints
+from asmjax.buffers.receivers import of_face
 from asmjax.geometry import Camera, LightFrame
 from asmjax.numerics import LEAST_DEPTH, dot, safe_divide, safe_sqrt
 
@@ -57,7 +58,7 @@ def _tangents(points: SurfacePoints, camera: Camera):
 
 
 def uv_jacobian(
-    points: SurfacePoints, camera: Camera, frame: LightFrame, offset, receivers: Receivers
+    points: SurfacePoints, camera: Camera, frame: LightFrame, receivers: Receivers
 ) -> Float[Array, "2 2 n"]:
     """d(u, v) / d(pixel right, pixel down): (2, 2, n); multiply by a resolution for texels.
 
@@ -66,26 +67,22 @@ def uv_jacobian(
     """
     dtype = points.position.dtype
     tangents = _tangents(points, camera)
-    rows = [[jnp.zeros(points.count, dtype)] * 2] * 2
-    for face in range(frame.faces):
-        axes = jnp.asarray(frame.rotation[face], dtype)
-        extent = jnp.asarray(frame.extent[face], dtype)
-        corner = jnp.asarray(frame.corner[face], dtype)
-        mine = receivers.facing & (receivers.face == face)
+    axes, corner, extent = of_face(frame, receivers.face, lambda a: jnp.asarray(a, dtype))
+    scale = safe_divide(jnp.ones_like(extent), extent)
+    nearness = 1 / receivers.depth
 
-        scale = safe_divide(jnp.ones_like(extent), extent)
-        nearness = 1 / receivers.depth
+    def entry(k, i):
+        along = dot(axes[k], tangents[i])
+        if frame.perspective:
+            plane = corner[k] + receivers.uv[k] * extent[k]
+            along = (along - plane * dot(axes[2], tangents[i])) * nearness
+        value = jnp.clip(along * scale[k], -LARGEST, LARGEST)
+        return jnp.where(receivers.facing, value, 0)
 
-        def entry(k, i, axes=axes, extent=extent, corner=corner, scale=scale, nearness=nearness):
-            along = dot(axes[k], tangents[i])
-            if frame.perspective:
-                plane = corner[k] + receivers.uv[k] * extent[k]
-                along = (along - plane * dot(axes[2], tangents[i])) * nearness
-            return jnp.clip(along * scale[k], -LARGEST, LARGEST)
-
-        rows = [[jnp.where(mine, entry(k, i), rows[k][i]) for i in range(2)] for k in range(2)]
     # Without the barrier XLA's CPU fusions compute all of this again for everything made of it.
-    return jax.lax.optimization_barrier(jnp.stack([jnp.stack(row) for row in rows]))
+    return jax.lax.optimization_barrier(
+        jnp.stack([jnp.stack([entry(k, i) for i in range(2)]) for k in range(2)])
+    )
 
 
 def determinant(jacobian: Float[Array, "2 2 n"]) -> Float[Array, " n"]:

@@ -2,7 +2,7 @@
 
 All are functions of the `(2, 2, n)` Jacobian of `uv_jacobian` and the number of texels per side
 of the light's image. Above 1 the map is too coarse. Logarithms first: area ratios span many
-decades, and a grazing light or eye must not overflow (hard_shadows reference 4, rows 2 and 3).
+decades, and a grazing light or eye must not overflow.
 """
 
 import jax.numpy as jnp
@@ -47,6 +47,6 @@ def m(jacobian, resolution):
     """Lloyd's linear error: texel width / pixel width in the worst direction, 1 / sigma_min(J).
 
     `area_ratio <= m**2`, equal where the footprint is not stretched. The expected displacement of
-    a shadow edge is at most m / 4 pixels (hard_shadows reference 3, M4).
+    a shadow edge is at most m / 4 pixels (M4 of docs/theory.md).
     """
     return jnp.exp2(log2_m(jacobian, resolution))

@@ -9,7 +9,7 @@ def n_required(n_current, ratio):
 
     Fernando et al. 2001, 3.1, print the inverse ratio (eye / shadow); read literally that asks
     for fewer texels the coarser the map is. Shrinking the light's focal length by 2 must multiply
-    this by 4 (hard_shadows reference 1.4).
+    this by 4 (docs/theory.md).
     """
     return n_current * ratio
 

@@ -8,12 +8,14 @@ from asmjax.errors import require
 def unit(v) -> np.ndarray:
     """`v / |v|` in float64. Raises `UseError` for a zero or non-finite vector."""
     v = np.asarray(v, np.float64)
-    length = np.linalg.norm(v)
+    largest = np.abs(v).max()
     require(
-        bool(np.isfinite(length) and length > 0),
+        bool(np.isfinite(largest) and largest > 0),
         f"the vector {v.tolist()} has no direction; give a finite vector that is not zero.",
     )
-    return v / length
+    # Exact scaling by a power of two: squares of very small or large components leave float64.
+    v = np.ldexp(v, -np.frexp(largest)[1])
+    return v / np.linalg.norm(v)
 
 
 def basis_from_axis(axis) -> np.ndarray:

@@ -90,8 +90,18 @@ def _grown(lo: np.ndarray, hi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return lo - MARGIN * size, size * (1 + 2 * MARGIN)
 
 
-def fixed_frame(position, direction, fov_deg: float, near: float) -> LightFrame:
-    """A square perspective face of `fov_deg` around `direction`; `UseError` from 179.9 on."""
+def cosine_of(cutoff_deg: float | None) -> float:
+    """The cosine of a spot's half angle; -1 for a light that is no spot."""
+    return -1.0 if cutoff_deg is None else float(np.cos(np.radians(cutoff_deg)))
+
+
+def fixed_frame(
+    position, direction, fov_deg: float, near: float, cutoff_deg: float | None = None
+) -> LightFrame:
+    """A square perspective face of `fov_deg` around `direction`; `UseError` from 179.9 on.
+
+    `cutoff_deg` is the half angle of a spot's cone around the same direction.
+    """
     require(
         0 < fov_deg < 179.9,
         f"a light's field of view of {fov_deg} degrees does not fit on one plane; allowed is more "
@@ -104,7 +114,7 @@ def fixed_frame(position, direction, fov_deg: float, near: float) -> LightFrame:
         corner=np.full((1, 2), -half),
         extent=np.full((1, 2), 2 * half),
         cone_axis=unit(direction),
-        cos_cutoff=-1.0,
+        cos_cutoff=cosine_of(cutoff_deg),
         near=near,
         perspective=True,
     )
@@ -162,7 +172,7 @@ def fitted_point_frame(
         corner=np.stack(corners),
         extent=np.stack(extents),
         cone_axis=unit(axis),
-        cos_cutoff=-1.0 if cutoff_deg is None else float(np.cos(np.radians(cutoff_deg))),
+        cos_cutoff=cosine_of(cutoff_deg),
         near=near,
         perspective=True,
     )

@@ -1,4 +1,4 @@
-"""How far a method moves shadow boundaries, in eye pixels (M2 and M3 of hard_shadows reference 3).
+"""How far a method moves shadow boundaries, in eye pixels (M2, M3 of docs/theory.md).
 
 A boundary is a set of pixel edges: the unit segments between two neighbouring pixels of which
 one is lit (visibility >= 1/2) and the other is not. Distances are between midpoints of edges, so

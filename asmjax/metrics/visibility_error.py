@@ -1,4 +1,4 @@
-"""How much of the image a method gets wrong (metric M1 of hard_shadows reference 3)."""
+"""How much of the image a method gets wrong (M1 of docs/theory.md)."""
 
 from dataclasses import dataclass
 

@@ -48,6 +48,7 @@ def cast_eye(
         prim=seen.prim,
         shape=seen.shape,
         albedo=seen.albedo,
+        flat=geometry.flat[seen.prim],
     )
 
 

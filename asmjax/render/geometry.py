@@ -15,12 +15,14 @@ class SceneGeometry(eqx.Module):
     Attributes:
         vertices: (3, n_vertices) float64, world.
         faces: (3, n_prims) int32 vertex indices; `NOT_A_MESH` for primitives of other shapes.
+        flat: (n_prims,) bool, whether a primitive is flat: triangles and disks.
         first_prim: (n_shapes + 1,) int64, the first global primitive id of each shape.
         bounds: (3, 2) float64, the scene's box.
     """
 
     vertices: np.ndarray
     faces: np.ndarray
+    flat: np.ndarray
     first_prim: np.ndarray
     bounds: np.ndarray
 
@@ -47,9 +49,12 @@ def read_geometry(shapes: list, bbox) -> SceneGeometry:
         else:
             faces.append(np.full((3, shape.primitive_count()), NOT_A_MESH, np.int32))
         first.append(first[-1] + faces[-1].shape[1])
+    counts = np.diff(first)
+    flat = [shape.is_mesh() or shape.class_name() == "Disk" for shape in shapes]
     return SceneGeometry(
         vertices=np.concatenate(vertices, axis=1),
         faces=np.concatenate(faces, axis=1),
+        flat=np.repeat(np.array(flat, bool), counts),
         first_prim=np.array(first, np.int64),
         bounds=np.array([np.array(bbox.min).ravel(), np.array(bbox.max).ravel()], np.float64).T,
     )

@@ -57,15 +57,15 @@ class Scene:
     _scene: Any
     _rays: MitsubaRays
 
-    def view(self, wanted: str | None = None) -> ViewSpec:
+    def view(self, wanted: str | int | None = None) -> ViewSpec:
         """The view of that name or index. Raises `UseError` where there is none."""
         return pick("view (sensor)", self.views, wanted, self.name)
 
-    def light(self, wanted: str | None = None) -> LightSpec:
+    def light(self, wanted: str | int | None = None) -> LightSpec:
         """The light of that name or index. Raises `UseError` where there is none."""
         return self._light(wanted).spec
 
-    def _light(self, wanted: str | None) -> SceneLight:
+    def _light(self, wanted: str | int | None) -> SceneLight:
         return pick("light (emitter)", self.lights, wanted, self.name)
 
     def eye(self, view: ViewSpec, offset: tuple[float, float] = (0.0, 0.0)) -> EyeBuffer:
@@ -81,7 +81,7 @@ class Scene:
             )
         return buffer
 
-    def light_rays(self, light: str | None = None) -> MitsubaRays:
+    def light_rays(self, light: str | int | None = None) -> MitsubaRays:
         """What casts the rays of a light: everything but the lamp that carries it."""
         lamp = self._light(light).shape
         if lamp is None:
@@ -93,7 +93,7 @@ class Scene:
             self._mi, scene, [i for i in range(len(shapes)) if i != lamp], self.geometry
         )
 
-    def light_frame(self, eye: EyeBuffer, light: str | None = None) -> LightFrame:
+    def light_frame(self, eye: EyeBuffer, light: str | int | None = None) -> LightFrame:
         """The light frame that serves the eye's receivers."""
         return light_frame(self.light(light), eye, self.geometry.bounds)
 
@@ -120,13 +120,20 @@ def load_scene(source: str | os.PathLike | dict | SceneSpec, variant: str | None
     path = Path(name)
     if name in BUILTIN:
         return _from_spec(activate(variant), load_builtin(name))
-    if path.suffix == "" and not path.exists() and "/" not in name:
+    try:
+        exists, folder, file = path.exists(), path.is_dir(), path.is_file()
+    except OSError as problem:
+        raise UseError(
+            f"the scene '{name[:80]}' cannot be read ({problem.strerror}); give a built-in name or "
+            "the path of a Mitsuba .xml file."
+        ) from problem
+    if path.suffix == "" and not exists and "/" not in name:
         raise unknown_name(
             "scene", name, BUILTIN, "A path of a Mitsuba scene file (.xml) works too."
         )
-    if name and path.is_dir():
+    if name and folder:
         raise UseError(f"'{name}' is a folder; give the path of a Mitsuba .xml file.")
-    if not path.is_file():
+    if not file:
         raise UseError(f"there is no scene file '{name}'; give the path of a Mitsuba .xml file.")
     mi = activate(variant)
     return _from_mitsuba(mi, path.stem, _load(mi.load_file, str(path), f"scene file '{name}'"))
@@ -166,6 +173,8 @@ def _from_spec(mi, spec: SceneSpec) -> Scene:
 
 
 def _scene(mi, name, scene, views, lights, notices) -> Scene:
+    for notice in notices:
+        _log.warning("%s", notice)
     geometry = read_geometry(scene.shapes(), scene.bbox())
     if not np.isfinite(geometry.bounds).all():
         raise UseError(f"scene '{name}' has no finite bounding box; mend its vertices.")

@@ -35,7 +35,7 @@ class ShadowRays:
         self.pixels = np.flatnonzero(self.facing)
         self.count = int(self.pixels.size)
         chosen = world[:, self.pixels]
-        gap = offset_along_normal(geometry, np.asarray(eye.points.prim)[self.pixels], chosen)
+        gap = offset_along_normal(geometry, eye.prim[self.pixels], chosen)
         origins = (chosen + gap * eye.normal[:, self.pixels]).astype(np.float32)
         if frame.perspective:
             directions = frame.origin[:, None] - origins.astype(np.float64)

@@ -88,8 +88,8 @@ _METHOD = {
         "wall time by stage",
     ),
     "error": Key(_ERROR, "errors against truth"),
-    "nodes": Key("count", "nodes of the tree", False),
-    "passes": Key("count", "refinement passes", False),
+    "nodes": Key("count", "nodes of the tree that hold texels", False),
+    "passes": Key("count", "launches of light rays, the starting resolution included", False),
     "max_level": Key("count", "level of the deepest node, 0 for the root", False),
     "status": Key("text", "why refinement ended", False),
 }

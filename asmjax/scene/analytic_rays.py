@@ -10,7 +10,7 @@ import numpy as np
 from asmjax.buffers import EyeBuffer, LightRays, eye_buffer
 from asmjax.geometry import unit
 from asmjax.scene.analytic import closest, primitive_offsets
-from asmjax.scene.spec import Disk, Mesh, Rectangle, Shape, ViewSpec
+from asmjax.scene.spec import Disk, Mesh, Rectangle, Shape, Sphere, ViewSpec
 
 
 class AnalyticRays(LightRays):
@@ -44,6 +44,7 @@ def analytic_eye(shapes: Sequence[Shape], view: ViewSpec) -> EyeBuffer:
         prim=prim,
         shape=np.where(hit, shape, -1).astype(np.int32),
         albedo=np.where(hit, albedo, 0).astype(np.float32),
+        flat=np.array([not isinstance(s, Sphere) for s in shapes])[np.where(hit, shape, 0)],
     )
 
 

@@ -1,6 +1,6 @@
 """The scenes A1 to A9 as data, each with the visibility that is known in closed form.
 
-Geometry and formulas: `reference/soft_and_hybrid_shadows.md`, section 0.2, with its numbers as
+Geometry and formulas: docs/theory.md, "Scenes known in closed form", with its numbers as
 defaults. The scene's light is the *centre* of the area light, so `hard_visibility` is what a
 shadow map should converge to; `soft_visibility` is what the whole light gives, for later.
 """

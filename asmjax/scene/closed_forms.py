@@ -1,4 +1,4 @@
-"""Closed-form shadows A1 to A9 of `reference/soft_and_hybrid_shadows.md`, section 0.2.
+"""Closed-form shadows A1 to A9 of docs/theory.md.
 
 Receiver plane z = 0; light plane z = H (`light_height`) above it; occluders parallel to both at
 z = h (`occluder_height`), 0 < h < H. `half` is the occluder's half side or radius, `light_half`

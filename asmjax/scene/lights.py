@@ -28,7 +28,7 @@ def light_frame(light: LightSpec, eye: EyeBuffer, bounds: np.ndarray) -> LightFr
     near = np.float64(NEAR_FRACTION * np.linalg.norm(bounds[:, 1] - bounds[:, 0]))
     if light.kind != "directional" and light.fov_deg is not None:
         axis = light.direction if light.direction is not None else (0.0, 0.0, -1.0)
-        return fixed_frame(light.position, axis, light.fov_deg, near)
+        return fixed_frame(light.position, axis, light.fov_deg, near, light.cutoff_deg)
     if light.kind == "directional":
         to_light = -np.asarray(light.direction, np.float64)[:, None]
     else:

@@ -182,7 +182,7 @@ class SceneSpec:
         return sum(s.faces.shape[1] for s in self.shapes if isinstance(s, Mesh))
 
 
-def pick(kind: str, items: dict, wanted: str | None, scene: str):
+def pick(kind: str, items: dict, wanted: str | int | None, scene: str):
     """The item called `wanted` (a name or an index), or the first one.
 
     Raises `UseError` when the scene has none, or none of that name.
@@ -195,6 +195,7 @@ def pick(kind: str, items: dict, wanted: str | None, scene: str):
         return next(iter(items.values()))
     if wanted in items:
         return items[wanted]
-    if wanted.isdigit() and int(wanted) < len(items):
-        return list(items.values())[int(wanted)]
-    raise unknown_name(kind, wanted, items, f"Indices 0 to {len(items) - 1} work too.")
+    name = str(wanted)
+    if name.isdecimal() and int(name) < len(items):
+        return list(items.values())[int(name)]
+    raise unknown_name(kind, name, items, f"Indices 0 to {len(items) - 1} work too.")

@@ -16,7 +16,10 @@ State = TypeVar("State")
 
 
 class Status(enum.Enum):
-    """How a build ended. Everything but `COMPLETE` says what to change."""
+    """How a build ended. Everything but `COMPLETE` says what to change.
+
+    `COMPLETE`: by its settings nothing is left to gain, as far as its texels can tell.
+    """
 
     COMPLETE = "complete"
     MEMORY_LIMIT = "the memory limit ended refinement: raise --memory-mb, or accept coarser shadows"
@@ -41,7 +44,8 @@ class Cost:
         bytes: bytes of all arrays of the state.
         rays: light rays cast since the state was empty.
         passes: launches of light rays since then.
-        seconds: wall time by stage, `build` (light rays, storing) and `analysis` (deciding).
+        seconds: wall time by stage since then, `build` (light rays, storing) and `analysis`
+            (deciding).
     """
 
     texels: int
@@ -55,7 +59,8 @@ class ShadowAlgorithm(eqx.Module, Generic[State]):
     """A shadow algorithm: frozen settings. Subclasses are final and hold all their fields.
 
     `build` and `update` run on the host, may look at values, and choose shapes; `visibility` is
-    JAX, with one trace per shape.
+    JAX, with one trace per shape, and may be jitted with the state as an argument. `update` takes
+    over the state that it is given, arrays included: go on with the one it returns.
     """
 
     reference: eqx.AbstractClassVar[str]

@@ -1,19 +1,20 @@
 """The shadow test of one receiver against one texel, shared by all maps.
 
 A texel stores what its centre's ray hits, so it is compared with the receiver's tangent plane
-met by *that* ray, not with the receiver's own depth (soft_and_hybrid reference 0.1): a plane at
+met by *that* ray, not with the receiver's own depth (docs/theory.md, "The shadow test"): a plane at
 any slope then has no acne. A bias of a few roundings covers what is left. It is a distance along
 the normal, hence a depth that grows with the secant of the light's incidence, as the rounding of
 a depth on an inclined plane does.
 """
 
+import math
 from typing import Literal, get_args
 
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, UInt16
 
 from asmjax.buffers import Receivers
-from asmjax.errors import UseError
+from asmjax.errors import UseError, require
 
 Compare = Literal["depth", "id", "both"]
 """What decides: depth alone, primitive id alone, or lit if either says so (Fernando et al. 2001,
@@ -32,8 +33,12 @@ FLATTEST = 1 / 16
 """A plane that leaves [1/16, 16] times the receiver's depth within a texel is not trusted."""
 
 
-def check_compare(compare: str) -> None:
-    """Raise `UseError` for an unknown comparison."""
+def check_test(compare: str, bias: float) -> None:
+    """Raise `UseError` for an unknown comparison or a bias that is no length."""
+    require(
+        math.isfinite(bias) and bias >= 0,
+        f"a bias of {bias} is not possible; allowed: a finite number, 0 or more.",
+    )
     if compare not in get_args(Compare):
         allowed = ", ".join(get_args(Compare))
         raise UseError(f"compare='{compare}' is not known; allowed: {allowed}.")
@@ -78,7 +83,8 @@ def lit_by_texel(
 ) -> Bool[Array, " n"]:
     """Whether the texel `offset_uv` away lets light through to each receiver.
 
-    False where the receiver does not face the light: the same primitive's back side is dark.
+    False where the receiver does not face the light: the same primitive's back side is dark. Ids
+    count for flat primitives only (others are -1): the inside of a sphere is shaded by its outside.
     `texel` is the texel's size in u and v, one number or (n,). `map_depth` and `map_prim` may be
     None where the map does not store them.
     """
@@ -88,7 +94,7 @@ def lit_by_texel(
         tolerance = receivers.secant * along_normal
         lit |= map_depth >= plane_depth(receivers, offset_uv, perspective) - tolerance
     if map_prim is not None:
-        lit |= map_prim == pack_prim(receivers.prim)
+        lit |= (map_prim == pack_prim(receivers.prim)) & (receivers.prim >= 0)
     return receivers.facing & lit
 
 
@@ -108,7 +114,7 @@ def texel_bytes(compare: Compare) -> int:
 def pack_prim(prim: Int[Array, "..."]) -> UInt16[Array, "..."]:
     """Primitive ids as they are stored: their low 16 bits.
 
-    Primitives that lie near each other differ; two that share all 16 bits let light through only
-    where one blocks the other, about once in 65,536 blocked texels of a large scene.
+    Primitives that are near each other in the scene's order differ. Two whose ids differ by a
+    multiple of 65,536 let light through where one blocks the other.
     """
     return jnp.asarray(prim & 0xFFFF, jnp.uint16)

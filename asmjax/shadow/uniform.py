@@ -25,11 +25,14 @@ from asmjax.shadow.base import Cost, ShadowAlgorithm, Status, array_bytes
 from asmjax.shadow.texel_test import (
     BIAS,
     Compare,
-    check_compare,
+    check_test,
     lit_by_texel,
     stored,
     texel_bytes,
 )
+
+LARGEST = 2**15
+"""Texels a side of the largest flat map."""
 
 
 class UniformState(eqx.Module):
@@ -59,10 +62,10 @@ class UniformShadowMap(ShadowAlgorithm[UniformState]):
 
     def __check_init__(self):
         require(
-            1 <= self.resolution <= 2**15,
+            1 <= self.resolution <= LARGEST,
             f"a flat map of {self.resolution} texels a side is not possible; allowed: 1 to 32768.",
         )
-        check_compare(self.compare)
+        check_test(self.compare, self.bias)
 
     @property
     def name(self) -> str:
@@ -122,6 +125,11 @@ def resolution_for(bytes_limit: int, faces: int, compare: Compare = "depth") -> 
     """The largest flat map per face whose arrays fit into `bytes_limit` bytes in all."""
     side = int(np.sqrt(bytes_limit / (texel_bytes(compare) * faces)))
     require(side >= 1, f"{bytes_limit} bytes hold no flat map; raise --memory-mb.")
+    require(
+        side <= LARGEST,
+        f"a flat map of {bytes_limit / 2**20:g} MB would have {side} texels a side; allowed: "
+        f"{LARGEST}: lower --memory-mb.",
+    )
     return side
 
 

@@ -17,7 +17,7 @@ from asmjax.scene.lights import light_frame
 from asmjax.scene.spec import Disk, LightSpec, Mesh, Rectangle, Shape, Sphere, ViewSpec
 
 EDGE_MARGIN = 1e-5
-"""Points nearer to an edge of the shadow than this are not judged ("Done when" 4 of issue 2)."""
+"""Points nearer to an edge of the shadow than this are not judged."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,14 +144,35 @@ def permuted(eye: EyeBuffer, order: np.ndarray) -> EyeBuffer:
         world=eye.world[:, order],
         normal=eye.normal[:, order],
         depth=eye.depth[order],
+        prim=eye.prim[order],
         shape=eye.shape[order],
         albedo=eye.albedo[:, order],
     )
 
 
-def device_arrays(state) -> list[jax.Array]:
-    """The JAX arrays of a state: what it keeps on the device."""
-    return [leaf for leaf in jax.tree.leaves(state) if isinstance(leaf, jax.Array)]
+def kept_arrays(state) -> list[jax.Array | np.ndarray]:
+    """All arrays that a state holds on to, on the device and on the host, wherever they stand in
+    it; all but those of the light frame, which is not its own."""
+    found: dict[int, jax.Array | np.ndarray] = {}
+    seen: set[int] = set()
+
+    def look(value) -> None:
+        if id(value) in seen or isinstance(value, LightFrame):
+            return
+        seen.add(id(value))
+        if isinstance(value, jax.Array | np.ndarray):
+            found[id(value)] = value
+        elif isinstance(value, dict):
+            for item in value.values():
+                look(item)
+        elif isinstance(value, list | tuple | set):
+            for item in value:
+                look(item)
+        elif type(value).__module__.startswith("asmjax"):
+            look(vars(value))
+
+    look(state)
+    return list(found.values())
 
 
 def random_rotation(seed: int) -> np.ndarray:

@@ -13,7 +13,7 @@ def counted_traces() -> Iterator[list[str]]:
     """A list that grows by one entry for each function traced inside the `with` block."""
     seen: list[str] = []
 
-    def listen(event: str, seconds: float, **facts) -> None:
+    def listen(event: str, duration_secs: float, **facts) -> None:
         if event == TRACED:
             seen.append(str(facts.get("fun_name", "?")))
 

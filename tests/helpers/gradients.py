@@ -53,7 +53,7 @@ def assert_finite(found, *, infinite_values: bool = False) -> None:
 
 
 def assert_gradient(kernel, *args: np.ndarray, step=1e-6) -> None:
-    """Figure R4, under x64: central differences to 1e-4, forward against reverse mode to 1e-10.
+    """Under x64: central differences to 1e-4, forward against reverse mode to 1e-10.
 
     Along a random direction in each argument; errors are relative to the largest derivative of
     that argument, as one point's derivative may vanish by chance. With steps of 1e-6 (relative to

@@ -34,7 +34,7 @@ _projected = eqx.filter_jit(project)
 @eqx.filter_jit
 def _footprints(points, camera, frame, offset):
     receivers = project(points, frame, offset)
-    return uv_jacobian(points, camera, frame, offset, receivers)
+    return uv_jacobian(points, camera, frame, receivers)
 
 
 @dataclass(frozen=True)

@@ -96,7 +96,7 @@ BAD_FILES = {
 
 @pytest.mark.parametrize("case", BAD_FILES)
 def test_bad_file(case, tmp_path):
-    """Section 6 of the main issue: one line that says what is wrong and what to do."""
+    """One line that says what is wrong and what to do."""
     import re
 
     content, expected = BAD_FILES[case]

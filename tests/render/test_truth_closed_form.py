@@ -10,7 +10,7 @@ from asmjax.scene.spec import ViewSpec
 pytestmark = pytest.mark.mitsuba
 
 EDGE_MARGIN = 1e-5
-"""Scene units; from "Done when" 4 of the main issue."""
+"""Scene units."""
 
 
 def receiver(name: str, view: ViewSpec):

@@ -2,10 +2,11 @@
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.collections import PolyCollection
+from matplotlib.collections import PathCollection
 from matplotlib.colors import BoundaryNorm, LinearSegmentedColormap, ListedColormap, to_hex
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
+from matplotlib.path import Path
 
 from asmjax.report.figures.board import CAPTION, EDGE, GAP, HEAD, Board
 from asmjax.report.figures.pictures import RunPictures, TreePicture
@@ -17,13 +18,18 @@ from asmjax.report.figures.tree_windows import Window, seen_nodes, tree_windows
 _PANEL = 600
 _BAR, _BAR_LABELS = 22, 150
 
-_SMALLEST = 3.5
+_SMALLEST = 4.5
 """Screen pixels: outlines of smaller nodes would merge into a blot, and are left to the zooms."""
 
 _GRID, _GRID_WIDTH = "#8A8A8A", 0.3
 """Colour and width in points of the nodes of level 0, which are a grid and no news."""
 
-_LINE_WIDTH = 0.6
+_THIN, _THICK = 0.45, 0.65
+"""Widths in points of the outlines of the smallest nodes and of nodes `_LARGE` pixels across."""
+
+_LARGE = 24
+
+_SQUARE = (Path.MOVETO, Path.LINETO, Path.LINETO, Path.LINETO, Path.CLOSEPOLY)
 
 _HUES = ("#26338F", "#1B74C4", "#008C86", "#3A8F22", "#C97B00", "#D2330A", "#B4005F", "#560A78")
 """From level 1 to the deepest; all of them dark enough to show as thin lines on pale grey."""
@@ -89,16 +95,15 @@ def _about(tree: TreePicture, face: int, window: Window) -> str:
     mine = tree.face == face
     seen = seen_nodes(tree.lo[:, mine], tree.size[mine], window, _SMALLEST / _PANEL)
     levels = tree.level[mine][seen]
-    of_face = f"face {face}, " if tree.faces > 1 else ""
-    if not levels.size:
-        return f"{of_face}enlarged {_times(window)} times"
-    span = f"levels {levels.min()} to {levels.max()}"
-    return f"{of_face}enlarged {_times(window)} times: {levels.size:,} nodes of {span}"
-
-
-def _times(window: Window) -> str:
     times = 1 / window.size
-    return f"{times:.1f}" if times < 9.95 else f"{times:,.0f}"
+    about = f"enlarged {times:.1f} times" if times < 9.95 else f"enlarged {times:,.0f} times"
+    if tree.faces > 1:
+        about = f"face {face}, {about if times > 1 else 'whole'}"
+    if not levels.size:
+        return about
+    low, high = levels.min(), levels.max()
+    span = f"level {low}" if low == high else f"levels {low} to {high}"
+    return f"{about}; {levels.size:,} nodes of {span}"
 
 
 def _cast(tree: TreePicture, face: int, window: Window, side: int) -> np.ndarray:
@@ -128,27 +133,32 @@ def _panel(
     mine = tree.face == face
     lo, extent, level = tree.lo[:, mine], tree.size[mine], tree.level[mine]
     shown = seen_nodes(lo, extent, window, _SMALLEST / side)
-    # Deep nodes last: their outlines lie on top of their ancestors'.
-    order = np.flatnonzero(shown)[np.argsort(level[shown], kind="stable")]
-    near, far = lo[:, order], lo[:, order] + extent[order]
-    corners = np.stack(
-        [
-            np.stack([a, b], axis=-1)
-            for a, b in ((near[0], near[1]), (far[0], near[1]), (far[0], far[1]), (near[0], far[1]))
-        ],
-        axis=1,
-    )
+    # Deep nodes last: their outlines lie on top of their ancestors'. One path for each level:
+    # thousands of separate ones would take as long to draw as everything else.
+    drawn = np.unique(level[shown]).tolist()
+    of_level = [shown & (level == k) for k in drawn]
+    pixels = np.array([extent[which].max() for which in of_level]) / size * side
+    width = np.interp(pixels, [_SMALLEST, _LARGE], [_THIN, _THICK])
     axes.add_collection(
-        PolyCollection(
-            list(corners),
+        PathCollection(
+            [_squares(lo[:, which], extent[which]) for which in of_level],
             facecolors="none",
-            edgecolors=[colours[k] for k in level[order]],
-            linewidths=np.where(level[order] > 0, _LINE_WIDTH, _GRID_WIDTH),
+            edgecolors=[colours[k] for k in drawn],
+            linewidths=np.where(np.array(drawn) > 0, width, _GRID_WIDTH),
             joinstyle="miter",
+            snap=True,
         ),
         autolim=False,
     )
     return axes
+
+
+def _squares(lo: np.ndarray, size: np.ndarray) -> Path:
+    """One path around squares (k,) with those nearest corners (2, k)."""
+    (u, v), (far_u, far_v) = lo, lo + size
+    corners = np.stack([u, v, far_u, v, far_u, far_v, u, far_v, u, v], axis=1)
+    codes = np.tile(_SQUARE, u.size)
+    return Path(corners.reshape(-1, 2), codes)
 
 
 def _level_colours(tree: TreePicture) -> dict[int, str]:

@@ -19,7 +19,7 @@ _ZOOMS = (5, 8, 16)
 _CANDIDATES = 150
 """Nodes around which windows are tried."""
 
-_SEEN = 0.011
+_SEEN = 0.015
 """Nodes smaller than this share of a window do not count: their outlines would be blots."""
 
 
@@ -82,6 +82,12 @@ def richness(level: np.ndarray, lo: np.ndarray, size: np.ndarray, window: Window
 
 def _richest(level, lo, size, centres, sides) -> Window:
     """The window of one of those sides, around one of those centres, that shows most."""
+    # Windows lie around the centres: what is far from them all, or too small, is never seen.
+    reach = max(sides)
+    seen = size >= _SEEN * min(sides)
+    for near, at in zip(lo, centres, strict=True):
+        seen &= (near < at.max() + reach) & (near + size > at.min() - reach)
+    level, lo, size = level[seen], lo[:, seen], size[seen]
     tried = centres[:, :: -(-centres.shape[1] // _CANDIDATES)].T
     windows = [_around(centre, side) for side in sides for centre in tried]
     return max(windows, key=lambda window: richness(level, lo, size, window))

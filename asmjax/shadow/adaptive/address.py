@@ -2,8 +2,8 @@
 
 Image coordinates become fixed-point integers of `BITS` fractional bits once; node, cell and texel
 indices at any power-of-two resolution are then shifts and masks of the same integer, so a point
-on a border belongs to one node only, at whatever level it is asked (hard_shadows reference 4,
-rows 12 and 13). Texel numbers beyond 2^31 never appear: a texel is addressed as (node, local).
+on a border belongs to one node only, at whatever level it is asked.
+Texel numbers beyond 2^31 never appear: a texel is addressed as (node, local).
 """
 
 import jax.numpy as jnp
@@ -12,8 +12,9 @@ from jaxtyping import Array, Float, Int
 BITS = 30
 """Fractional bits of a fixed-point image coordinate: 2^30 steps per face side."""
 
-DEEPEST_LOG2 = 26
-"""log2 of the finest effective resolution; leaves 4 bits for the place within a texel."""
+DEEPEST_LOG2 = 24
+"""log2 of the finest effective resolution: float32 image coordinates and ray directions, which the
+addresses are made of, have 24 bits. Leaves 6 bits for the place within a texel in float64."""
 
 
 def fixed_point(uv: Float[Array, "2 n"]) -> Int[Array, "2 n"]:

@@ -2,7 +2,7 @@
 
 import time
 from dataclasses import dataclass, replace
-from typing import ClassVar, Literal
+from typing import ClassVar, Literal, NamedTuple, get_args
 
 import equinox as eqx
 import jax
@@ -16,7 +16,7 @@ from asmjax.footprint import log2_linear_ratio, log2_m, uv_jacobian
 from asmjax.geometry import LightFrame
 from asmjax.shadow.adaptive.address import DEEPEST_LOG2
 from asmjax.shadow.adaptive.cost_model import CostModel, calibrate
-from asmjax.shadow.adaptive.pool import NodePool, Requests
+from asmjax.shadow.adaptive.pool import SQUARE_BYTES, NodePool, Requests
 from asmjax.shadow.adaptive.refine import (
     Wish,
     analyse,
@@ -34,7 +34,9 @@ from asmjax.shadow.adaptive.tree import (
     store_pages,
 )
 from asmjax.shadow.base import Cost, ShadowAlgorithm, Status, array_bytes
-from asmjax.shadow.texel_test import BIAS, Compare, check_compare, texel_bytes
+from asmjax.shadow.texel_test import BIAS, Compare, check_test, texel_bytes
+
+Measure = Literal["axis", "area"]
 
 BUCKETS = (16, 128, 1024)
 """Numbers of pages that are stored in one call: others are padded, so that nothing retraces."""
@@ -60,15 +62,57 @@ class BuildLog:
     status: Status = Status.COMPLETE
 
 
+class HostSide:
+    """What a state keeps on the host: tables, costs and log; and whether `update` took it over.
+
+    All are equal: a jitted function of a state depends on its arrays and shapes alone.
+    """
+
+    def __init__(self, pool: NodePool, cost_model: CostModel, log: BuildLog):
+        self.pool, self.cost_model, self.log, self.taken = pool, cost_model, log, False
+
+    def __eq__(self, other):
+        return isinstance(other, HostSide)
+
+    def __hash__(self):
+        return hash(HostSide)
+
+
 class AdaptiveState(eqx.Module):
     """A tree on the device, its tables on the host, and the light frame that it was built for."""
 
     shape: TreeShape
     tree: Tree
     frame: LightFrame
-    pool: NodePool = eqx.field(static=True)
-    cost_model: CostModel = eqx.field(static=True)
-    log: BuildLog = eqx.field(static=True)
+    host: HostSide = eqx.field(static=True)
+
+    @property
+    def pool(self) -> NodePool:
+        self.check_owned()
+        return self.host.pool
+
+    @property
+    def log(self) -> BuildLog:
+        self.check_owned()
+        return self.host.log
+
+    def check_owned(self) -> None:
+        """Raise `UseError` if `update` has taken this state over."""
+        require(
+            not self.host.taken,
+            "this state was handed to update, which reuses its arrays; go on with the state that "
+            "update returned.",
+        )
+
+
+class NodeSquares(NamedTuple):
+    """The nodes of a tree that hold texels: face and level (k,), corner nearest to u = v = 0
+    (2, k) and side (k,) in image coordinates."""
+
+    face: np.ndarray
+    level: np.ndarray
+    lo: np.ndarray
+    size: np.ndarray
 
 
 class AdaptiveShadowMap(ShadowAlgorithm[AdaptiveState]):
@@ -99,7 +143,7 @@ class AdaptiveShadowMap(ShadowAlgorithm[AdaptiveState]):
     cells: int = 2
     start_resolution: int | None = None
     ratio_target: float = 1.0
-    measure: Literal["axis", "area"] = "axis"
+    measure: Measure = "axis"
     compare: Compare = "both"
     bias: float = BIAS
     cover: bool = True
@@ -131,7 +175,12 @@ class AdaptiveShadowMap(ShadowAlgorithm[AdaptiveState]):
             f"finest_ratio {self.finest_ratio} must lie above 0 and not above ratio_target "
             f"{self.ratio_target}.",
         )
-        check_compare(self.compare)
+        require(
+            self.measure in get_args(Measure),
+            f"measure='{self.measure}' is not known; allowed: {', '.join(get_args(Measure))}.",
+        )
+        require(self.max_passes >= 1, f"{self.max_passes} passes do nothing; allowed: 1 or more.")
+        check_test(self.compare, self.bias)
 
     @property
     def name(self) -> str:
@@ -148,18 +197,20 @@ class AdaptiveShadowMap(ShadowAlgorithm[AdaptiveState]):
             shape, empty_tree(shape, self.compare), pool, pool.roots(), frame, rays, log
         )
         log.build = time.perf_counter() - start
-        state = AdaptiveState(shape, tree, frame, pool, cost_model, log)
-        return self._refine(state, view, rays, start)
+        host = HostSide(pool, cost_model, log)
+        return self._refine(AdaptiveState(shape, tree, frame, host), view, rays, start)
 
     def update(
         self, state: AdaptiveState, view: EyeBuffer, frame: LightFrame, rays: LightRays
     ) -> AdaptiveState:
         """Refine for a new view; the tree is kept while the light frame is the same.
 
-        The arrays of `state` are reused in place: do not use it afterwards.
+        That is so for a light with a field of view of its own; a frame that is fitted to the
+        receivers changes with the view, and the map is built anew. `state` is taken over.
         """
         if not eqx.tree_equal(state.frame, frame):
-            return self.build(view, frame, rays)
+            known = replace(self, cost_model=state.host.cost_model)
+            return known.build(view, frame, rays)
         return self._refine(state, view, rays, time.perf_counter())
 
     def visibility(self, state: AdaptiveState, points: SurfacePoints) -> Float[Array, " n"]:
@@ -167,7 +218,11 @@ class AdaptiveShadowMap(ShadowAlgorithm[AdaptiveState]):
         return lit
 
     def lookup(self, state: AdaptiveState, points: SurfacePoints):
-        """Visibility (n,), and log2 of the effective resolution (n,) that answered."""
+        """Visibility (n,), and log2 of the effective resolution (n,) that answered.
+
+        Raises `UseError` for a state that `update` has taken over.
+        """
+        state.check_owned()
         offset = light_offset(points, state.frame)
         return _visibility(state.shape, state.tree, state.frame, points, offset, self.bias)
 
@@ -175,7 +230,7 @@ class AdaptiveShadowMap(ShadowAlgorithm[AdaptiveState]):
         log = state.log
         return Cost(
             texels=state.pool.used_pages * state.shape.side**2,
-            bytes=array_bytes(state.tree),
+            bytes=array_bytes(state.tree) + state.pool.bytes,
             rays=log.rays,
             passes=log.passes,
             seconds={"build": log.build, "analysis": log.analysis},
@@ -191,14 +246,21 @@ class AdaptiveShadowMap(ShadowAlgorithm[AdaptiveState]):
         """Level of the deepest page."""
         return int(state.pool.squares[1, : state.pool.used_pages].max(initial=0))
 
+    def nodes(self, state: AdaptiveState) -> NodeSquares:
+        """Where the nodes lie that hold texels."""
+        face, level, column, row = state.pool.squares[:, : state.pool.used_pages]
+        size = np.ldexp(1.0, -state.shape.log2_nodes_at(level))
+        return NodeSquares(face, level, np.stack([column, row]) * size, size)
+
     def tree_shape(self, faces: int) -> TreeShape:
         """The static sizes that the settings and the memory limit allow."""
         log2_node = self.node_resolution.bit_length() - 1
         log2_cells = self.cells.bit_length() - 1
         side = self.node_resolution + 2 * GUARD
         page_bytes = side**2 * texel_bytes(self.compare) + 4
-        node_bytes = 4 * self.cells**2 + 4
-        per_page = page_bytes + NODES_PER_PAGE * node_bytes
+        # Node tables exist twice, on the device and on the host, and each page's square once.
+        node_bytes = 2 * (4 * self.cells**2 + 4)
+        per_page = page_bytes + SQUARE_BYTES + NODES_PER_PAGE * node_bytes
         # One page more than is used takes the padding of `store_pages`.
         pages = (self.memory_bytes - page_bytes) // per_page
         require(
@@ -252,13 +314,20 @@ class AdaptiveShadowMap(ShadowAlgorithm[AdaptiveState]):
         if self.cover:
             yield Wish.COARSE_COVERAGE, 0.25, 1
         yield Wish.EDGES, 0.5, self.max_passes
+        last = Wish.FINER_EDGES if modern else Wish.EDGES
         if self.cover:
             yield Wish.COVERAGE, 0.25, 1
-        yield (Wish.FINER_EDGES if modern else Wish.EDGES), 0.5, self.max_passes
+        yield last, 0.5, self.max_passes
+        if self.cover:
+            # What the first coverage could not afford, and the edges that it brings to light.
+            yield Wish.COVERAGE, 1.0, self.max_passes
+            yield last, 1.0, self.max_passes
 
     def _refine(self, state, view: EyeBuffer, rays: LightRays, start: float) -> AdaptiveState:
         """Passes of analysis and node creation until nothing is left to gain or a limit ends it."""
         shape, pool, frame, log = state.shape, state.pool, state.frame, replace(state.log)
+        cost_model, tree = state.host.cost_model, state.tree
+        state.host.taken = True
         began = time.perf_counter()
         everyone = audience(
             *_seen_by_light(
@@ -266,7 +335,6 @@ class AdaptiveShadowMap(ShadowAlgorithm[AdaptiveState]):
             )
         )
         log.analysis += time.perf_counter() - began
-        tree = state.tree
         for wish, share, most in self._stages():
             # A stage's first pass looks at everyone, later ones at those near an edge then: only
             # they can have anything left to gain.
@@ -280,9 +348,9 @@ class AdaptiveShadowMap(ShadowAlgorithm[AdaptiveState]):
                     self.bias, frame.perspective,
                 )  # fmt: skip
                 wanted = requests_of(shape, analysis, looking, wish)
-                chosen = most_profitable_first(wanted, state.cost_model)
+                chosen = most_profitable_first(wanted, cost_model)
                 allowed = max(int(share * pool.free_pages), shape.pages // LEAST_SHARE, 1)
-                chosen = self._affordable(chosen.take(slice(allowed)), state.cost_model, start, log)
+                chosen = self._affordable(chosen.take(slice(allowed)), cost_model, start, log)
                 looking = looking.only(np.asarray(analysis.straddles))
                 log.analysis += time.perf_counter() - began
                 if wanted.count and pool.free_pages == 0:
@@ -299,7 +367,8 @@ class AdaptiveShadowMap(ShadowAlgorithm[AdaptiveState]):
                     log.status = Status.PASS_LIMIT
             if log.status.is_limit:
                 break
-        return AdaptiveState(shape, tree, frame, pool, state.cost_model, log)
+        host = HostSide(pool, cost_model, log)
+        return AdaptiveState(shape, tree, frame, host)
 
     def _affordable(self, requests: Requests, cost: CostModel, start: float, log: BuildLog):
         """The first requests whose predicted casting ends within the time limit."""
@@ -337,7 +406,9 @@ def _add_pages(shape, tree: Tree, pool: NodePool, requests, frame, rays, log: Bu
             None if depth is None else _padded(np.asarray(buffer.depth)[some], bucket),
             None if prim is None else _padded(np.asarray(buffer.prim)[some], bucket),
         )  # fmt: skip
-    tree = Tree(jnp.asarray(pool.child), jnp.asarray(pool.page), level, depth, prim)
+    # Copies: an aliased table would change under the device's hands at the next insert.
+    child, page = jnp.array(pool.child, copy=True), jnp.array(pool.page, copy=True)
+    tree = Tree(child, page, level, depth, prim)
     return jax.block_until_ready(tree)
 
 
@@ -351,7 +422,7 @@ def _padded(a: np.ndarray, count: int, fill=0) -> np.ndarray:
 @eqx.filter_jit
 def _seen_by_light(points, camera, frame, offset, measure) -> tuple[Receivers, Float[Array, " n"]]:
     receivers = project(points, frame, offset)
-    jacobian = uv_jacobian(points, camera, frame, offset, receivers)
+    jacobian = uv_jacobian(points, camera, frame, receivers)
     size = log2_m if measure == "axis" else log2_linear_ratio
     return receivers, size(jacobian, 1)
 

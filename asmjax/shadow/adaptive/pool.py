@@ -33,6 +33,10 @@ class Requests:
         return Requests(*(getattr(self, name)[which] for name in self.__dataclass_fields__))
 
 
+SQUARE_BYTES = 32
+"""Bytes that say where a page lies: face, level, column, row."""
+
+
 class NodePool:
     """Node and page tables of one tree, mutable, on the host.
 
@@ -50,6 +54,11 @@ class NodePool:
         self.used_nodes = shape.roots
         self.used_pages = 0
         self.squares = np.zeros((4, shape.pages), np.int64)
+
+    @property
+    def bytes(self) -> int:
+        """Bytes of the tables."""
+        return self.child.nbytes + self.page.nbytes + self.squares.nbytes
 
     @property
     def free_pages(self) -> int:
