@@ -58,7 +58,8 @@ def limited(case, **settings):
     ("settings", "status"),
     [
         ({"memory_bytes": TEXELS * 6}, Status.MEMORY_LIMIT),
-        ({"memory_bytes": 3 * 2100}, Status.MEMORY_LIMIT),
+        ({"memory_bytes": 3 * 2200}, Status.MEMORY_LIMIT),
+        ({"memory_bytes": 3 * 2200, "cover": False}, Status.MEMORY_LIMIT),
         ({"time_limit": 1e-6}, Status.TIME_LIMIT),
         ({"max_passes": 1, "cover": False}, Status.PASS_LIMIT),
     ],

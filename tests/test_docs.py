@@ -68,3 +68,10 @@ def test_readme_names_existing_files():
     assert links
     for link in links:
         assert (ROOT / link).exists(), link
+
+
+def test_readme_has_no_blanks():
+    """Numbers and pictures are filled in."""
+    import re
+
+    assert not re.search(r"@[A-Z]+@", (ROOT / "README.md").read_text(encoding="utf-8"))

@@ -102,4 +102,7 @@ def singular_values(
     largest = 0.5 * (
         safe_sqrt((a + d) ** 2 + (c - b) ** 2) + safe_sqrt((a - d) ** 2 + (c + b) ** 2)
     )
-    return largest, safe_divide(jnp.abs(determinant(jacobian)), largest)
+    area = jnp.abs(determinant(jacobian))
+    # Below, the determinant is rounding, and the matrix flat.
+    flat = area <= (jnp.finfo(area.dtype).eps * largest) ** 2
+    return largest, safe_divide(jnp.where(flat, 0, area), largest)

@@ -22,7 +22,10 @@ def log2_linear_ratio(jacobian: Float[Array, "2 2 n"], resolution) -> Float[Arra
     Where the Jacobian is 0 (no receiver) this is `LOG2_WORST` too: mask before reducing.
     """
     dtype = jacobian.dtype
-    texels = 0.5 * safe_log2(jnp.abs(determinant(jacobian)), -LOG2_WORST * 2)
+    area = jnp.abs(determinant(jacobian))
+    # So small a determinant is rounding: its inverse would overflow in the gradient.
+    least = jnp.finfo(dtype).eps ** 2 * jnp.square(jacobian).max(axis=(0, 1))
+    texels = 0.5 * safe_log2(jnp.where(area > least, area, 0), -LOG2_WORST * 2)
     return -(texels + jnp.log2(jnp.asarray(resolution, dtype)))
 
 

@@ -66,7 +66,7 @@ def disagreements(scene, eye, frame, lit: np.ndarray, pixels: np.ndarray, relati
     geometry = scene.geometry
     corners = geometry.corners(np.arange(geometry.faces.shape[1]))
     light = frame.origin if frame.perspective else frame.rotation[0, 2]
-    prim = np.asarray(eye.points.prim)
+    prim = eye.prim
 
     def ref_lit(chosen, shift):
         return ~ref_blocked(

@@ -44,7 +44,7 @@ def test_positions_lie_on_the_true_planes(name):
     eye = seen(scene)
     pixels = np.flatnonzero(eye.valid)
     assert pixels.size > 2000
-    a, b, c = scene.geometry.corners(np.asarray(eye.points.prim)[pixels])
+    a, b, c = scene.geometry.corners(eye.prim[pixels])
     normal = np.cross(b - a, c - a, axis=0)
     normal /= np.linalg.norm(normal, axis=0)
     point = eye.world[:, pixels]
@@ -116,7 +116,7 @@ def test_ids_are_dense_and_count_through_the_shapes():
         "block": (np.abs(x - 2.1) < 0.4001) & (np.abs(y) < 0.4001) & (z > 1e-9),
     }
     assert set(names) == set(where) and eye.valid.sum() > 3000
-    prim = np.asarray(eye.points.prim)
+    prim = eye.prim
     first = scene.geometry.first_prim
     for index, name in enumerate(names):
         mine = eye.shape == index
@@ -140,7 +140,7 @@ def test_curves_have_an_id_per_segment(tmp_path):
     })  # fmt: skip
     assert scene.geometry.first_prim.tolist() == [0, 10, 12]
     eye = seen(scene)
-    prim = np.asarray(eye.points.prim)
+    prim = eye.prim
     assert set(prim[eye.shape == 0]) == set(range(10))
     assert set(prim[eye.shape == 1]) == {10, 11}
     # Ids follow the curve: the middle of segment k is at x = 0.4 k - 1.8.

@@ -154,7 +154,7 @@ def test_spawned_rays_would_have_missed_contact_shadows():
         target = frame.origin.tolist()
         spawned = np.array([scene._scene.ray_test(h.spawn_ray_to(target)) for h in found])
     corners = scene.geometry.corners(np.arange(scene.geometry.triangles))
-    own = np.asarray(eye.points.prim)[pixels]
+    own = eye.prim[pixels]
     blocked = ref_blocked(corners, eye.world[:, pixels], frame.origin, own)
     assert np.mean(~spawned[blocked]) > 0.25
     # A few edge pixels, which a shift of 5e-6 decides, are all that truth itself gets wrong.

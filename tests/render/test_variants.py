@@ -29,7 +29,7 @@ def everything(source: str, light: str | None) -> dict[str, np.ndarray]:
     part = TexelWindows(at, np.full((2, at.size), 0.4), np.full((2, at.size), 1 / 2048), 32)
     whole, part = (rays.light_buffer(frame, w) for w in (whole_image(frame, 67), part))
     return {
-        "eye_prim": np.asarray(eye.points.prim),
+        "eye_prim": eye.prim,
         "eye_shape": eye.shape,
         "eye_depth": eye.depth,
         "eye_world": eye.world,

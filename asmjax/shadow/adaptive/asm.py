@@ -105,6 +105,16 @@ class AdaptiveState(eqx.Module):
         )
 
 
+class Stage(NamedTuple):
+    """One stage of refinement: what to look for, the share of the free pages that a pass may take,
+    the most passes, and whether it is for what an earlier coverage could not afford."""
+
+    wish: Wish
+    share: float
+    passes: int
+    if_uncovered: bool = False
+
+
 class NodeSquares(NamedTuple):
     """The nodes of a tree that hold texels: face and level (k,), corner nearest to u = v = 0
     (2, k) and side (k,) in image coordinates."""
@@ -302,26 +312,26 @@ class AdaptiveShadowMap(ShadowAlgorithm[AdaptiveState]):
         )
 
     def _stages(self):
-        """What to look for, in order; and the share of the free pages, and the number, of passes.
+        """What to look for, in order (see `Stage`).
 
         Finer edges are found pass by pass, so each takes half of what is left: the last pages go
         where the last look says they help most.
         """
         modern = self.finest_ratio < self.ratio_target
         if not self.cover and not modern:
-            yield Wish.EDGES, 1.0, self.max_passes
+            yield Stage(Wish.EDGES, 1.0, self.max_passes)
             return
         if self.cover:
-            yield Wish.COARSE_COVERAGE, 0.25, 1
-        yield Wish.EDGES, 0.5, self.max_passes
+            yield Stage(Wish.COARSE_COVERAGE, 0.25, 1)
+        yield Stage(Wish.EDGES, 0.5, self.max_passes)
         last = Wish.FINER_EDGES if modern else Wish.EDGES
         if self.cover:
-            yield Wish.COVERAGE, 0.25, 1
-        yield last, 0.5, self.max_passes
+            yield Stage(Wish.COVERAGE, 0.25, 1)
+        yield Stage(last, 0.5, self.max_passes)
         if self.cover:
             # What the first coverage could not afford, and the edges that it brings to light.
-            yield Wish.COVERAGE, 1.0, self.max_passes
-            yield last, 1.0, self.max_passes
+            yield Stage(Wish.COVERAGE, 1.0, self.max_passes, if_uncovered=True)
+            yield Stage(last, 1.0, self.max_passes, if_uncovered=True)
 
     def _refine(self, state, view: EyeBuffer, rays: LightRays, start: float) -> AdaptiveState:
         """Passes of analysis and node creation until nothing is left to gain or a limit ends it."""
@@ -335,7 +345,10 @@ class AdaptiveShadowMap(ShadowAlgorithm[AdaptiveState]):
             )
         )
         log.analysis += time.perf_counter() - began
-        for wish, share, most in self._stages():
+        covered = True
+        for wish, share, most, if_uncovered in self._stages():
+            if if_uncovered and covered:
+                continue
             # A stage's first pass looks at everyone, later ones at those near an edge then: only
             # they can have anything left to gain.
             looking = everyone
@@ -349,6 +362,8 @@ class AdaptiveShadowMap(ShadowAlgorithm[AdaptiveState]):
                 )  # fmt: skip
                 wanted = requests_of(shape, analysis, looking, wish)
                 chosen = most_profitable_first(wanted, cost_model)
+                if wish is Wish.COVERAGE and not if_uncovered:
+                    covered = wanted.count <= int(share * pool.free_pages)
                 allowed = max(int(share * pool.free_pages), shape.pages // LEAST_SHARE, 1)
                 chosen = self._affordable(chosen.take(slice(allowed)), cost_model, start, log)
                 looking = looking.only(np.asarray(analysis.straddles))
