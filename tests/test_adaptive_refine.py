@@ -28,7 +28,7 @@ from asmjax.shadow.adaptive.refine import (
     most_profitable_first,
     requests_of,
 )
-from asmjax.shadow.texel_test import BIAS, CURVATURE_BIAS
+from asmjax.shadow.comparison import BIAS, CURVATURE_BIAS
 
 PAPER = AdaptiveShadowMap(cover=False, finest_ratio=1.0, cost_model=FAST)
 """The 2001 algorithm: edges only, down to texels of a pixel's size."""

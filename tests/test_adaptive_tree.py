@@ -32,7 +32,7 @@ from asmjax.shadow.adaptive.tree import (
     page_windows,
     store_pages,
 )
-from asmjax.shadow.texel_test import BIAS, Compare
+from asmjax.shadow.comparison import BIAS, Compare
 
 COUNT = 64
 SHAPES = (

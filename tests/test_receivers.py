@@ -32,7 +32,7 @@ from asmjax.geometry import (
     towards_light,
     unit,
 )
-from asmjax.shadow.texel_test import plane_depth
+from asmjax.shadow.comparison import plane_depth
 
 projected = eqx.filter_jit(project)
 

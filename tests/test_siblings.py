@@ -26,7 +26,7 @@ from asmjax.buffers import SurfacePoints
 from asmjax.geometry import in_domain, towards_light
 from asmjax.metrics import boundary_edges, boundary_length, surface_pairs
 from asmjax.shadow import ALGORITHMS, UniformShadowMap
-from asmjax.shadow.texel_test import texel_bytes
+from asmjax.shadow.comparison import texel_bytes
 
 SIDE = 64
 """Pixels a side where one build is enough: how an algorithm answers, not how well."""

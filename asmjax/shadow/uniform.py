@@ -22,7 +22,7 @@ from asmjax.errors import require
 from asmjax.footprint import straddles_discontinuity
 from asmjax.geometry import LightFrame
 from asmjax.shadow.base import Cost, ShadowAlgorithm, Status, array_bytes
-from asmjax.shadow.texel_test import (
+from asmjax.shadow.comparison import (
     BIAS,
     Compare,
     check_test,

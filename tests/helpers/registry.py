@@ -7,7 +7,7 @@ from math import isqrt
 import numpy as np
 
 from asmjax.shadow import AdaptiveShadowMap, CostModel, ShadowAlgorithm, UniformShadowMap
-from asmjax.shadow.texel_test import Compare, texel_bytes
+from asmjax.shadow.comparison import Compare, texel_bytes
 
 FAST = CostModel(a_seconds_per_texel=1e-8, b_seconds=1e-5, residual=0.0)
 """Fixed costs: calibration would make the order of refinement depend on the machine's load."""

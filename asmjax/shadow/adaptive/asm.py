@@ -34,7 +34,7 @@ from asmjax.shadow.adaptive.tree import (
     store_pages,
 )
 from asmjax.shadow.base import Cost, ShadowAlgorithm, Status, array_bytes
-from asmjax.shadow.texel_test import BIAS, Compare, check_test, texel_bytes
+from asmjax.shadow.comparison import BIAS, Compare, check_test, texel_bytes
 
 Measure = Literal["axis", "area"]
 
@@ -138,7 +138,7 @@ class AdaptiveShadowMap(ShadowAlgorithm[AdaptiveState]):
         ratio_target: texel / pixel size at which a pixel is matched; 1 in the paper.
         measure: what "size" means: "axis" is the worst direction (m), "area" the square root of
             the area ratio (the paper's).
-        compare, bias: the shadow test; see `asmjax.shadow.texel_test`.
+        compare, bias: the shadow test; see `asmjax.shadow.comparison`.
         cover: also refine where no edge was seen, with a quarter of the free memory before the
             edges and another after them: finds casters that fell between the first texels.
         finest_ratio: memory still left is spent on finer texels along the edges down to this

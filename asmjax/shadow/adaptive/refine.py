@@ -16,7 +16,7 @@ from asmjax.shadow.adaptive.address import BITS, centre_offset, fixed_point
 from asmjax.shadow.adaptive.cost_model import CostModel
 from asmjax.shadow.adaptive.pool import Requests
 from asmjax.shadow.adaptive.tree import Tree, TreeShape, find_pages, page_outcome, texel_of
-from asmjax.shadow.texel_test import plane_is_trusted
+from asmjax.shadow.comparison import plane_is_trusted
 
 COARSE = 4.0
 """Texel / pixel size, over the matched one, that coarse coverage is content with."""

@@ -17,7 +17,7 @@ from jaxtyping import Array, Float, Int, UInt16
 
 from asmjax.buffers import Receivers, TexelWindows
 from asmjax.shadow.adaptive.address import centre_offset, fixed_point, index_at
-from asmjax.shadow.texel_test import Compare, lit_by_texel, pack_prim, stored
+from asmjax.shadow.comparison import Compare, lit_by_texel, pack_prim, stored
 
 GUARD = 1
 """Texels of the guard band on each side of a page."""

@@ -12,7 +12,7 @@ from asmjax.errors import UseError
 from asmjax.scene.analytic_rays import AnalyticRays
 from asmjax.scene.spec import Rectangle
 from asmjax.shadow import UniformShadowMap
-from asmjax.shadow.texel_test import (
+from asmjax.shadow.comparison import (
     BIAS,
     CURVATURE_BIAS,
     Compare,
