@@ -34,7 +34,7 @@ def run_main_job(options: RunOptions) -> RunResult:
     with tqdm(total=8, disable=options.quiet or None, leave=False, unit="step") as bar:
         result = measure_scene(options, progress=_Progress(bar))
         bar.set_description("figures")
-        folder.mkdir(parents=True, exist_ok=True)
+        _make(folder)
         report = write_results(result, folder, seed=options.seed, save_arrays=options.save_arrays)
         bar.update()
     for notice in report["notices"][len(result.notices) :]:
@@ -114,6 +114,15 @@ def sample_offsets(samples: int, seed: int) -> list[tuple[float, float]]:
     index = np.arange(1, samples)[:, None]
     spread = (start + index * np.array(GOLDEN)) % 1.0 - 0.5
     return [(0.0, 0.0), *((float(x), float(y)) for x, y in spread)]
+
+
+def _make(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as problem:
+        raise UseError(
+            f"cannot write results to '{folder}' ({problem.strerror}); choose another --out."
+        ) from problem
 
 
 def check_writable(folder: Path) -> None:

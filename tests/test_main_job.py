@@ -102,6 +102,19 @@ def test_samples_give_fractions_and_the_seed_repeats_them(tmp_path):
     assert (truths[0] != truths[2]).any()
 
 
+def test_one_pixel_and_a_folder_used_again(tmp_path):
+    """A single receiver has a light frame too; arrays of an earlier run do not stay behind."""
+    words = ["run", "letter_f", "--memory-mb", "1", "--repeats", "1", "--quiet"]
+    words += ["--out", str(tmp_path)]
+    assert cli.main([*words, "--size", "1", "1", "--save-arrays"]) == 0
+    report = json.loads((tmp_path / "report.json").read_text(encoding="utf-8"))
+    assert report["truth"]["lit_fraction"] == 1.0
+    assert fractions(report) == {"uniform": 0.0, "adaptive": 0.0, "rays": 0.0}
+    assert (tmp_path / "arrays.npz").exists()
+    assert cli.main([*words, "--size", "8", "8"]) == 0
+    assert not (tmp_path / "arrays.npz").exists()
+
+
 def scene_file(folder: Path, sensor: str = SENSOR, light: str = LIGHT) -> str:
     path = folder / "scene.xml"
     path.write_text(SCENE.format(sensor=sensor, light=light), encoding="utf-8")

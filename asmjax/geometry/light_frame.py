@@ -86,8 +86,9 @@ def in_domain(frame: LightFrame, position: np.ndarray) -> np.ndarray:
 
 
 def _grown(lo: np.ndarray, hi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    size = np.maximum(hi - lo, 1e-9 * max(1.0, float(np.abs([lo, hi]).max())))
-    return lo - MARGIN * size, size * (1 + 2 * MARGIN)
+    size = np.maximum(hi - lo, 1e-5 * max(1.0, float(np.abs([lo, hi]).max())))
+    # Around the middle: a single receiver would otherwise lie on the border.
+    return (lo + hi) / 2 - size * (0.5 + MARGIN), size * (1 + 2 * MARGIN)
 
 
 def cosine_of(cutoff_deg: float | None) -> float:

@@ -62,5 +62,5 @@ def visibility_error(truth, visibility, valid) -> VisibilityError:
     count = int(np.count_nonzero(np.asarray(valid, bool)))
     # Dividing sums, not averaging: one rounding, and the two parts add up to the whole.
     lit = float(error[error > 0].sum()) / max(count, 1)
-    dark = float(-error[error < 0].sum()) / max(count, 1)
+    dark = float(0.0 - error[error < 0].sum()) / max(count, 1)
     return VisibilityError(lit + dark, lit, dark, count)

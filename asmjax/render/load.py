@@ -35,7 +35,7 @@ from asmjax.scene.spec import (
 _log = logging.getLogger("asmjax")
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Scene:
     """A scene that rays can be cast against.
 
@@ -56,6 +56,12 @@ class Scene:
     _mi: Any
     _scene: Any
     _rays: MitsubaRays
+
+    def __repr__(self) -> str:
+        return (
+            f"Scene('{self.name}', {self.geometry.triangles} triangles, "
+            f"views: {', '.join(self.views)}; lights: {', '.join(self.lights)})"
+        )
 
     def view(self, wanted: str | int | None = None) -> ViewSpec:
         """The view of that name or index. Raises `UseError` where there is none."""

@@ -25,6 +25,8 @@ def write_results(result: RunResult, folder: Path, *, seed: int, save_arrays: bo
     report = report_of(result, seed)
     write_json(folder / "report.json", report)
     write_csv(folder / "methods.csv", report["methods"])
+    # Arrays of an earlier run would not belong to this report.
+    (folder / "arrays.npz").unlink(missing_ok=True)
     if save_arrays:
         _write_arrays(result, folder / "arrays.npz")
     write_figures(_pictures(result, report), folder)
