@@ -1,5 +1,6 @@
 """Documents that promise a row per thing keep the promise, and what they show runs."""
 
+import re
 import runpy
 import sys
 from pathlib import Path
@@ -20,9 +21,10 @@ def test_every_algorithm_has_a_row_in_the_table_of_choice(family):
         for line in (ROOT / "docs/choosing.md").read_text(encoding="utf-8").splitlines()
         if line.startswith(f"| `{algorithm.__name__}` (`{family}`)")
     )
-    author, year = algorithm.reference.split(",")[0].split()[0], "1978 2001"
+    author = re.split(r"[ ,]", algorithm.reference)[0]
+    year = re.findall(r"\b\d{4}\b", algorithm.reference)[0]
     assert author in row
-    assert any(number in row for number in year.split())
+    assert year in row
     assert str(algorithm.__name__).lower().startswith(family)
 
 
@@ -61,8 +63,6 @@ def test_experiment_finds_first_order_convergence(capsys, monkeypatch):
 
 def test_readme_names_existing_files():
     """Every relative link and picture of README leads to a file of the repository."""
-    import re
-
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     links = re.findall(r"\]\((?!https?:)([^)#]+)", text)
     assert links
@@ -72,6 +72,4 @@ def test_readme_names_existing_files():
 
 def test_readme_has_no_blanks():
     """Numbers and pictures are filled in."""
-    import re
-
     assert not re.search(r"@[A-Z]+@", (ROOT / "README.md").read_text(encoding="utf-8"))
