@@ -1,7 +1,7 @@
 """Shadow algorithms: siblings behind one protocol, `ShadowAlgorithm`."""
 
 from asmjax.shadow.adaptive import AdaptiveShadowMap, CostModel, calibrate
-from asmjax.shadow.base import Cost, ShadowAlgorithm, Status
+from asmjax.shadow.base import Cost, NodeCounts, ShadowAlgorithm, Status
 from asmjax.shadow.registry import ALGORITHMS
 from asmjax.shadow.uniform import UniformShadowMap, resolution_for
 
@@ -10,6 +10,7 @@ __all__ = [
     "AdaptiveShadowMap",
     "Cost",
     "CostModel",
+    "NodeCounts",
     "ShadowAlgorithm",
     "Status",
     "UniformShadowMap",

@@ -7,7 +7,8 @@ from typing import Generic, TypeVar
 
 import equinox as eqx
 import jax
-from jaxtyping import Array, Float
+import numpy as np
+from jaxtyping import Array, Float, Float64
 
 from asmjax.buffers import EyeBuffer, LightRays, SurfacePoints
 from asmjax.geometry import LightFrame
@@ -36,6 +37,27 @@ class Status(enum.Enum):
 
 
 @dataclass(frozen=True)
+class NodeCounts:
+    """What became of the nodes of an adaptive map.
+
+    Attributes:
+        held: nodes with texels now.
+        made: nodes cast since the state was empty.
+        evicted: nodes given up for others since then.
+        recast: nodes cast again since then because light or casters moved.
+        dropped: nodes given up since then because light or casters moved.
+        reused: nodes that answered in the last build or update and were there before it.
+    """
+
+    held: int
+    made: int = 0
+    evicted: int = 0
+    recast: int = 0
+    dropped: int = 0
+    reused: int = 0
+
+
+@dataclass(frozen=True)
 class Cost:
     """What a state cost to build and holds in memory.
 
@@ -46,6 +68,7 @@ class Cost:
         passes: launches of light rays since then.
         seconds: wall time by stage since then, `build` (light rays, storing) and `analysis`
             (deciding).
+        nodes: what became of the nodes; None for a map that has none.
     """
 
     texels: int
@@ -53,6 +76,7 @@ class Cost:
     rays: int
     passes: int
     seconds: dict[str, float] = field(default_factory=dict)
+    nodes: NodeCounts | None = None
 
 
 class ShadowAlgorithm(eqx.Module, Generic[State]):
@@ -76,8 +100,19 @@ class ShadowAlgorithm(eqx.Module, Generic[State]):
         """A state from nothing, for this view and light."""
 
     @abc.abstractmethod
-    def update(self, state: State, view: EyeBuffer, frame: LightFrame, rays: LightRays) -> State:
-        """The state for the next frame: what is still good is kept."""
+    def update(
+        self,
+        state: State,
+        view: EyeBuffer,
+        frame: LightFrame,
+        rays: LightRays,
+        moved: Float64[np.ndarray, "boxes 3 2"] | None = None,
+    ) -> State:
+        """The state for the next frame: what is still good is kept.
+
+        `moved` are world boxes, min and max per axis, that hold all casters that moved since the
+        state was made, where they were and where they are; None if none did.
+        """
 
     @abc.abstractmethod
     def visibility(self, state: State, points: SurfacePoints) -> Float[Array, " n"]:

@@ -51,11 +51,17 @@ def plane_depth(
 
     Where the plane is not trusted there (see `plane_is_trusted`), the receiver's own depth.
     """
-    along = (receivers.slope * offset_uv).sum(axis=0)
+    along = _along(receivers, offset_uv)
     if not perspective:
         return receivers.depth + along
     trusted = plane_is_trusted(receivers, offset_uv, perspective)
     return receivers.depth / jnp.where(trusted, 1 + along, 1)
+
+
+def _along(receivers: Receivers, offset_uv) -> Float[Array, " n"]:
+    # Written out: a reduction over the first axis takes XLA's CPU backend seven times as long.
+    (du, dv), (slope_u, slope_v) = offset_uv, receivers.slope
+    return slope_u * du + slope_v * dv
 
 
 def plane_is_trusted(
@@ -67,7 +73,7 @@ def plane_is_trusted(
     """
     if not perspective:
         return jnp.ones_like(receivers.facing)
-    scale = 1 + (receivers.slope * offset_uv).sum(axis=0)
+    scale = 1 + _along(receivers, offset_uv)
     return (scale > FLATTEST) & (scale < 1 / FLATTEST)
 
 

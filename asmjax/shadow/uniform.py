@@ -1,6 +1,7 @@
 """The conventional shadow map: one resolution everywhere."""
 
 import time
+from dataclasses import replace
 from typing import ClassVar
 
 import equinox as eqx
@@ -52,11 +53,14 @@ class UniformShadowMap(ShadowAlgorithm[UniformState]):
         resolution: texels a side.
         compare: what is stored and compared: "depth", "id", or "both".
         bias: relative depth bias of the comparison.
+        keep: whether `update` keeps the map while light and casters rest, which a map fitted to
+            one view only may do if the frame it is given still is the same.
     """
 
     resolution: int = 2048
     compare: Compare = "depth"
     bias: float = BIAS
+    keep: bool = False
 
     reference: ClassVar[str] = "Williams 1978, Casting Curved Shadows on Curved Surfaces"
 
@@ -70,7 +74,7 @@ class UniformShadowMap(ShadowAlgorithm[UniformState]):
     @property
     def name(self) -> str:
         suffix = "" if self.compare == "depth" else f"-{self.compare}"
-        return f"uniform-{self.resolution}{suffix}"
+        return f"uniform-{self.resolution}{suffix}{'-kept' if self.keep else ''}"
 
     def build(self, view: EyeBuffer, frame: LightFrame, rays: LightRays) -> UniformState:
         # Texels are addressed by one int32: entry face * N * N + row * N + column.
@@ -88,7 +92,10 @@ class UniformShadowMap(ShadowAlgorithm[UniformState]):
         seconds = time.perf_counter() - start
         return UniformState(frame, depth, prim, seconds, windows.texels)
 
-    def update(self, state, view, frame, rays) -> UniformState:
+    def update(self, state, view, frame, rays, moved=None) -> UniformState:
+        """Drawn anew, or kept (`keep`); a kept map's build took no time and no rays."""
+        if self.keep and moved is None and eqx.tree_equal(state.frame, frame):
+            return replace(state, seconds=0.0, rays=0)
         return self.build(view, frame, rays)
 
     def visibility(self, state: UniformState, points: SurfacePoints) -> Float[Array, " n"]:

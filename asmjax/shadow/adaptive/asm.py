@@ -211,7 +211,7 @@ class AdaptiveShadowMap(ShadowAlgorithm[AdaptiveState]):
         return self._refine(AdaptiveState(shape, tree, frame, host), view, rays, start)
 
     def update(
-        self, state: AdaptiveState, view: EyeBuffer, frame: LightFrame, rays: LightRays
+        self, state: AdaptiveState, view: EyeBuffer, frame: LightFrame, rays: LightRays, moved=None
     ) -> AdaptiveState:
         """Refine for a new view; the tree is kept while the light frame is the same.
 
