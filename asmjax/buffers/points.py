@@ -1,5 +1,7 @@
 """Surface points: what the eye sees, as the kernels take it."""
 
+from typing import NamedTuple
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -96,4 +98,53 @@ def eye_buffer(
         prim=prim,
         shape=shape,
         albedo=albedo,
+    )
+
+
+SEEN_STEPS = 8
+"""Sizes of `SeenPoints` are whole eighths of the image, so that few shapes are ever traced."""
+
+
+class SeenPoints(NamedTuple):
+    """The valid pixels of an eye buffer without the others: what a shadow has to be found for.
+
+    Attributes:
+        points: (m,) of them, filled up with points that are not valid.
+        pixels: (k,) int32, k <= m: pixel of each of the first k points.
+        size: pixels of the image.
+    """
+
+    points: SurfacePoints
+    pixels: np.ndarray
+    size: int
+
+    def image(self, visibility) -> np.ndarray:
+        """(size,) visibility of all pixels from that of the points (m,); 0 where not valid."""
+        result = np.zeros(self.size, np.asarray(visibility).dtype)
+        result[self.pixels] = np.asarray(visibility)[: self.pixels.size]
+        return result
+
+
+def seen_points(eye: EyeBuffer) -> SeenPoints:
+    """The valid points of `eye`, in its order; the points themselves where all are valid."""
+    pixels = np.flatnonzero(eye.valid).astype(np.int32)
+    size = eye.valid.size
+    step = -(-size // SEEN_STEPS)
+    padded = step * -(-pixels.size // step)
+    if padded >= size:
+        return SeenPoints(eye.points, np.arange(size, dtype=np.int32), size)
+    index = np.zeros(padded, np.int32)
+    index[: pixels.size] = pixels
+    points = eye.points
+    valid = np.arange(padded) < pixels.size
+    return SeenPoints(
+        SurfacePoints(
+            position=points.position[:, index],
+            normal=points.normal[:, index],
+            prim=points.prim[index],
+            valid=points.valid[index] & valid,
+            origin=points.origin,
+        ),
+        pixels,
+        size,
     )

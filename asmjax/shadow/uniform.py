@@ -173,7 +173,6 @@ def _visibility(frame, depth, prim, points, offset, resolution: int, bias):
 
 @eqx.filter_jit
 def _straddling(perspective: bool, depth, prim, receivers, resolution: int, bias):
-
     texel, fraction = _texel(receivers.uv, resolution)
     side = jnp.where(fraction >= 0.5, 1, -1)
     outcomes = []
@@ -185,4 +184,4 @@ def _straddling(perspective: bool, depth, prim, receivers, resolution: int, bias
             outcomes.append(
                 _outcome(depth, prim, receivers, tap, offset, resolution, bias, perspective)
             )
-    return straddles_discontinuity(jnp.stack(outcomes)) & receivers.facing
+    return straddles_discontinuity(outcomes) & receivers.facing

@@ -1,10 +1,20 @@
-"""The host's side of the tree: which nodes and pages exist, and where new ones go."""
+"""The host's side of the tree: which pages exist, where new ones go, and which are given up.
 
-from dataclasses import dataclass
+A full pool makes room by two rules (Fernando et al. 2001, 3.2): first the least recently used
+nodes go, among those that served nobody in the last rotation of the looks; then, for newcomers
+that may replace, leaves of a benefit smaller than the newcomer's. A node counts as used as long as
+one below it is, so that nodes go leaf by leaf and a subtree's root last. Level 0 stays.
+"""
+
+from dataclasses import dataclass, fields
 
 import numpy as np
 
-from asmjax.shadow.adaptive.tree import TreeShape
+from asmjax.shadow.adaptive.page_table import LEVEL_BITS, PageTable
+from asmjax.shadow.adaptive.shape import TreeShape
+
+_DEEPEST = 24
+"""log2 of the squares a side that the order along the curve can tell apart."""
 
 
 @dataclass(frozen=True)
@@ -12,117 +22,222 @@ class Requests:
     """Nodes that should get a page: each a square of a face at a level.
 
     Attributes:
-        face, level, column, row: (k,) int64; column and row count nodes of that level.
+        squares: (4, k) int64: face, level, column and row; the last two count nodes of that level.
         benefit: (k,) eye pixels that each page would help.
         n_required: (k,) texels that the square needs to match the eye.
     """
 
-    face: np.ndarray
-    level: np.ndarray
-    column: np.ndarray
-    row: np.ndarray
+    squares: np.ndarray
     benefit: np.ndarray
     n_required: np.ndarray
 
     @property
     def count(self) -> int:
-        return self.face.size
+        return self.benefit.size
 
     def take(self, which) -> "Requests":
         """The requests at the given positions, in that order."""
-        return Requests(*(getattr(self, name)[which] for name in self.__dataclass_fields__))
+        return Requests(*(getattr(self, f.name)[..., which] for f in fields(self)))
 
 
-SQUARE_BYTES = 32
-"""Bytes that say where a page lies: face, level, column, row."""
+@dataclass(frozen=True)
+class Admitted:
+    """What became of requests.
+
+    Attributes:
+        pages: (k',) pages of those that found room, their squares are in the pool.
+        evicted: pages given up for them.
+        refused: requests left over because the memory is full.
+        no_table: requests left over because the page tables are full.
+    """
+
+    pages: np.ndarray
+    evicted: int
+    refused: int
+    no_table: int
 
 
 class NodePool:
-    """Node and page tables of one tree, mutable, on the host.
+    """All pages of one tree on the host, mutable.
 
     Attributes:
-        child: (nodes * c * c,) int32, as `Tree.child`.
-        page: (nodes,) int32, as `Tree.page`.
-        used_nodes, used_pages: how many are taken; both fill from the start.
-        squares: (4, pages) int64: face, level, column, row of each page.
+        table: the page tables.
+        squares: (4, pages) int32: face, level, column, row of each page.
+        key: (pages,) int64: place of each page in the order of a depth-first walk; -1 where free.
+        stamp: (pages,) int32: the last look that the page answered in, or was made in.
+        benefit: (pages,) float32: eye pixels that it was made for.
     """
 
     def __init__(self, shape: TreeShape):
         self.shape = shape
-        self.child = np.full(shape.nodes * shape.cells_per_node, -1, np.int32)
-        self.page = np.full(shape.nodes, -1, np.int32)
-        self.used_nodes = shape.roots
-        self.used_pages = 0
-        self.squares = np.zeros((4, shape.pages), np.int64)
+        self.table = PageTable(shape)
+        self.squares = np.zeros((4, shape.pages), np.int32)
+        self.key = np.full(shape.pages, -1, np.int64)
+        self.stamp = np.zeros(shape.pages, np.int32)
+        self.benefit = np.zeros(shape.pages, np.float32)
+        self._free = np.arange(shape.pages, dtype=np.int32)[::-1].copy()
+        self.free_pages = shape.pages
+        # Keys in ascending order, and their pages: a depth-first walk, parents before children.
+        self._keys = np.zeros(0, np.int64)
+        self._pages = np.zeros(0, np.int32)
 
     @property
     def bytes(self) -> int:
         """Bytes of the tables."""
-        return self.child.nbytes + self.page.nbytes + self.squares.nbytes
+        own = (self.squares, self.key, self.stamp, self.benefit, self._free)
+        order = (self._keys, self._pages)
+        return self.table.bytes + sum(a.nbytes for a in own + order)
 
     @property
-    def free_pages(self) -> int:
-        return self.shape.pages - self.used_pages
+    def used_pages(self) -> int:
+        return self.shape.pages - self.free_pages
+
+    def held(self) -> np.ndarray:
+        """All pages in use, in the order of a depth-first walk."""
+        return self._pages
 
     def roots(self) -> Requests:
-        """All level-0 nodes, in node order."""
+        """All level-0 nodes, face by face and row by row."""
         side = 1 << self.shape.log2_roots
         index = np.arange(self.shape.roots)
-        zero, full = np.zeros(index.size, np.int64), np.full(index.size, np.inf)
-        return Requests(
-            index // side**2, zero, index % side, index // side % side, full, zero.astype(float)
-        )
+        squares = np.stack([index // side**2, 0 * index, index % side, index // side % side])
+        full = np.full(index.size, np.inf)
+        return Requests(squares, full, np.zeros(index.size))
 
-    def insert(self, requests: Requests) -> tuple[np.ndarray, int]:
-        """Give requested nodes pages, in order, until pages or nodes run out.
+    def admit(self, requests: Requests, now: int, oldest: int, replace: bool) -> Admitted:
+        """Give requested nodes pages, in order, as far as there is or can be made room.
 
-        Returns:
-            The pages (k',) of the first k' requests, and how many requests were left over because
-            the node table is full. Raises nothing: what does not fit is counted.
+        Args:
+            now: number of this look; stamps the new pages.
+            oldest: pages with a stamp below were not used lately and may go.
+            replace: whether used leaves of a smaller benefit may go too.
         """
-        requests = requests.take(slice(self.free_pages))
-        nodes, fitting = self._nodes(requests)
-        pages = self.used_pages + np.arange(fitting)
-        self.page[nodes[:fitting]] = pages
-        chosen = requests.take(slice(fitting))
-        self.squares[:, pages] = [chosen.face, chosen.level, chosen.column, chosen.row]
-        self.used_pages += fitting
-        return pages, requests.count - fitting
+        key = self.key_of(requests.squares)
+        new = ~self._holds(key)
+        # Each square once, the first request for it counts.
+        first = np.zeros(key.size, bool)
+        first[np.unique(key, return_index=True)[1]] = True
+        requests, key = requests.take(new & first), key[new & first]
+        evicted = 0
+        if requests.count > self.free_pages:
+            evicted += self.evict(self.unused(oldest)[: requests.count - self.free_pages])
+        wins = np.arange(requests.count) < self.free_pages
+        if replace and not wins.all():
+            wins, losers = self._contest(requests.benefit)
+            evicted += self.evict(losers)
+        refused = int((~wins).sum())
+        requests, key = requests.take(wins), key[wins]
+        self.free_pages -= key.size
+        pages = self._free[self.free_pages : self.free_pages + key.size][::-1].copy()
+        placed = self.table.cover(pages, requests.squares)
+        if not placed.all():
+            # Tables that lost their last page are given back by building them anew.
+            self.table.clear()
+            self.table.cover(self._pages, self.squares[:, self._pages])
+            placed = self.table.cover(pages, requests.squares)
+        self._give_back(pages[~placed])
+        pages, requests, key = pages[placed], requests.take(placed), key[placed]
+        self.squares[:, pages], self.key[pages] = requests.squares, key
+        self.stamp[pages], self.benefit[pages] = now, requests.benefit
+        order = np.argsort(key)
+        at = np.searchsorted(self._keys, key[order])
+        self._keys = np.insert(self._keys, at, key[order])
+        self._pages = np.insert(self._pages, at, pages[order])
+        return Admitted(pages, evicted, refused, int((~placed).sum()))
 
-    def _nodes(self, requests: Requests) -> tuple[np.ndarray, int]:
-        """Node of each request, made with its ancestors where missing; and how many fit."""
-        shape = self.shape
-        deepest = int(requests.level.max(initial=0))
-        node = self._at_level(requests, 0)
-        fitting = requests.count
-        for level in range(1, deepest + 1):
-            mine = np.flatnonzero(requests.level[:fitting] >= level)
-            column, row = self._ancestor(requests, mine, level)
-            mask = (1 << shape.log2_cells) - 1
-            cell = (
-                node[mine].astype(np.int64) * shape.cells_per_node
-                + ((row & mask) << shape.log2_cells)
-                + (column & mask)
-            )
-            missing, first = np.unique(cell[self.child[cell] < 0], return_index=True)
-            order = np.argsort(first, kind="stable")
-            free = shape.nodes - self.used_nodes
-            made = missing[order][:free]
-            self.child[made] = self.used_nodes + np.arange(made.size)
-            self.used_nodes += made.size
-            found = self.child[cell]
-            if (found < 0).any():
-                fitting = int(mine[np.flatnonzero(found < 0)[0]])
-                keep = mine < fitting
-                mine, found = mine[keep], found[keep]
-            node[mine] = found
-        return node, fitting
+    def unused(self, oldest: int) -> np.ndarray:
+        """Pages whose whole subtree has a stamp below `oldest`, in the order in which they may go:
+        least recently used first, children before their parents."""
+        if not self._pages.size:
+            return self._pages
+        last = self._last_use()
+        level = self.squares[1, self._pages]
+        may = np.flatnonzero((last < oldest) & (level > 0))
+        order = np.lexsort((self._keys[may], -level[may], last[may]))
+        return self._pages[may[order]]
 
-    def _at_level(self, requests: Requests, level: int) -> np.ndarray:
-        column, row = self._ancestor(requests, slice(None), level)
-        log2 = self.shape.log2_roots
-        return (((requests.face << log2) + row) << log2) + column
+    def evict(self, pages: np.ndarray) -> int:
+        """Give up `pages`: the nearest pages above them answer in their place. Returns how many."""
+        if not pages.size:
+            return 0
+        gone = np.zeros(self.shape.pages, bool)
+        gone[pages] = True
+        keep = ~gone[self._pages]
+        self._keys, self._pages = self._keys[keep], self._pages[keep]
+        heir = np.full(self.shape.pages, -1, np.int32)
+        heir[pages] = self._above(self.squares[:, pages])
+        self.table.replace(heir)
+        self.key[pages] = -1
+        self._give_back(pages)
+        return pages.size
 
-    def _ancestor(self, requests: Requests, which, level: int):
-        shift = (requests.level[which] - level) * self.shape.log2_cells
-        return requests.column[which] >> shift, requests.row[which] >> shift
+    def _give_back(self, pages: np.ndarray) -> None:
+        self._free[self.free_pages : self.free_pages + pages.size] = pages
+        self.free_pages += pages.size
+
+    def key_of(self, squares: np.ndarray) -> np.ndarray:
+        """(k,) int64 place in a depth-first walk: face, then a Z-curve, parents before children."""
+        face, level, column, row = squares.astype(np.int64)
+        shift = _DEEPEST - self.shape.log2_nodes_at(level)
+        curve = _spread(column << shift) | (_spread(row << shift) << 1)
+        return (((face << (2 * _DEEPEST)) | curve) << LEVEL_BITS) | level
+
+    def _ends(self) -> np.ndarray:
+        """For each page of the walk, where its subtree ends in it."""
+        level = self._keys & ((1 << LEVEL_BITS) - 1)
+        size = np.int64(1) << (2 * (_DEEPEST - self.shape.log2_nodes_at(level)) + LEVEL_BITS)
+        return np.searchsorted(self._keys, self._keys - level + size)
+
+    def _last_use(self) -> np.ndarray:
+        """For each page of the walk, the latest stamp of its subtree."""
+        stamp = np.append(self.stamp[self._pages], 0)
+        ends = self._ends()
+        between = np.stack([np.arange(ends.size), ends], axis=1).reshape(-1)
+        return np.maximum.reduceat(stamp, between)[::2]
+
+    def _contest(self, benefit: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Newcomers in order, each free page first, then each against the weakest leaf left.
+
+        Returns (k,) bool: which newcomers win; and the pages of the leaves that lose.
+        """
+        leaf = (self._ends() - np.arange(self._keys.size)) == 1
+        leaf &= self.squares[1, self._pages] > 0
+        pages = self._pages[leaf]
+        order = np.lexsort((self._keys[leaf], -self.squares[1, pages], self.benefit[pages]))
+        weakest = pages[order]
+        wins, lost = np.arange(benefit.size) < self.free_pages, 0
+        for k in np.flatnonzero(~wins):
+            if lost == weakest.size:
+                break
+            wins[k] = benefit[k] > self.benefit[weakest[lost]]
+            lost += int(wins[k])
+        return wins, weakest[:lost]
+
+    def _holds(self, key: np.ndarray) -> np.ndarray:
+        if not self._keys.size:
+            return np.zeros(key.size, bool)
+        return self._keys[np.minimum(np.searchsorted(self._keys, key), self._keys.size - 1)] == key
+
+    def _above(self, squares: np.ndarray) -> np.ndarray:
+        """The entry of the nearest page above each square, evicted ones not counted."""
+        face, level, column, row = squares.astype(np.int64)
+        entry = np.full(face.size, -1, np.int64)
+        while (looking := np.flatnonzero(entry < 0)).size:
+            level[looking] -= 1
+            column[looking] >>= self.shape.log2_cells
+            row[looking] >>= self.shape.log2_cells
+            key = self.key_of(np.stack([face, level, column, row])[:, looking])
+            at = np.minimum(np.searchsorted(self._keys, key), self._keys.size - 1)
+            found = self._keys[at] == key
+            pages = self._pages[at[found]].astype(np.int64)
+            entry[looking[found]] = (pages << LEVEL_BITS) | level[looking[found]]
+        return entry
+
+
+def _spread(x: np.ndarray) -> np.ndarray:
+    """The low 24 bits of each number on the even bits of the result."""
+    x = (x | (x << 16)) & 0x0000FFFF0000FFFF
+    x = (x | (x << 8)) & 0x00FF00FF00FF00FF
+    x = (x | (x << 4)) & 0x0F0F0F0F0F0F0F0F
+    x = (x | (x << 2)) & 0x3333333333333333
+    return (x | (x << 1)) & 0x5555555555555555

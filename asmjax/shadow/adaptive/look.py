@@ -1,0 +1,204 @@
+"""Looking at receivers: which page serves each, how fine it is, and whether more would help."""
+
+import math
+from functools import lru_cache, partial
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+
+from asmjax.buffers import EyeBuffer, Receivers, SurfacePoints, light_offset, project
+from asmjax.footprint import (
+    log2_linear_ratio,
+    log2_m,
+    required_level,
+    straddles_discontinuity,
+    uv_jacobian,
+)
+from asmjax.geometry import LightFrame
+from asmjax.shadow.adaptive.address import (
+    BITS,
+    Address,
+    address_of,
+    anchor,
+    centre_offset,
+    index_at,
+)
+from asmjax.shadow.adaptive.page_table import level_of
+from asmjax.shadow.adaptive.shape import TreeShape
+from asmjax.shadow.adaptive.tree import Tree, page_outcome, serve
+from asmjax.shadow.comparison import plane_is_trusted
+
+COARSE = 4.0
+"""Texel / pixel size, over the matched one, that coarse coverage is content with."""
+
+LOOK_SIZES = tuple(4**k for k in range(6, 14))
+"""Numbers of receivers that are looked at: others are padded, so that nothing retraces."""
+
+
+def _axis(points, camera, frame, receivers):
+    return log2_m(uv_jacobian(points, camera, frame, receivers), 1)
+
+
+def _area(points, camera, frame, receivers):
+    return log2_linear_ratio(uv_jacobian(points, camera, frame, receivers), 1)
+
+
+MEASURES = {"axis": _axis, "area": _area}
+"""What the size of a texel beside a pixel means: functions of points, camera, frame and receivers
+that give log2 of it for one texel per face side, (n,)."""
+
+
+class Audience(eqx.Module):
+    """Receivers that are looked at, on the device.
+
+    Attributes:
+        receivers, address: (n,) of them.
+        log2_ratio: (n,) log2 of texel / pixel size for one texel per face side.
+        weight: eye pixels that each of them stands for.
+    """
+
+    receivers: Receivers
+    address: Address
+    log2_ratio: Float[Array, " n"]
+    weight: int = eqx.field(static=True)
+
+    @property
+    def count(self) -> int:
+        return self.receivers.facing.shape[0]
+
+    def only(self, which: Bool[np.ndarray, " n"]) -> "Audience":
+        """The chosen receivers, padded with ones that face no light to one of `LOOK_SIZES`."""
+        index = np.flatnonzero(which)
+        size = next((s for s in LOOK_SIZES if s >= index.size), self.count)
+        if size >= self.count:
+            return self
+        padded = np.zeros(size, np.int32)
+        padded[: index.size] = index
+        return _taken(self, padded, index.size)
+
+
+@jax.jit
+def _taken(audience: Audience, index, count) -> Audience:
+    chosen = jax.tree.map(lambda a: a[..., index], audience)
+    real = jnp.arange(index.size) < count
+    return eqx.tree_at(lambda a: a.receivers.facing, chosen, chosen.receivers.facing & real)
+
+
+def audience_of(
+    view: EyeBuffer, frame: LightFrame, measure: str, share: int = 1, turn: int = 0
+) -> Audience:
+    """The receivers of a view, or of one pixel in `share` of it: all are seen in `share` turns."""
+    points = view.points
+    pixels = None if share == 1 else _pixels(*view.size, share, turn % share)
+    return _audience(
+        points.position, points.normal, points.prim, points.valid, pixels,
+        view.camera, frame, light_offset(points, frame), anchor(points, frame),
+        measure=measure, weight=share,
+    )  # fmt: skip
+
+
+@lru_cache(maxsize=16)
+def _pixels(height: int, width: int, share: int, turn: int) -> np.ndarray:
+    """Every `share`-th pixel of each row, three further on in each next one.
+
+    Rows of a width that `share` does not divide have one more now and then; they are filled up
+    with -1 to the same number in each turn.
+    """
+    row, column = np.divmod(np.arange(height * width), width)
+    chosen = np.flatnonzero((column + 3 * row + turn) % share == 0)
+    result = np.full(height * -(-width // share), -1, np.int32)
+    result[: chosen.size] = chosen
+    return result
+
+
+@partial(jax.jit, static_argnames=("measure", "weight"))
+def _audience(
+    position, normal, prim, valid, pixels, camera, frame, offset, anchor, *, measure, weight
+) -> Audience:
+    if pixels is not None:
+        position, normal, prim = position[:, pixels], normal[:, pixels], prim[pixels]
+        valid = valid[pixels] & (pixels >= 0)
+    points = SurfacePoints(position, normal, prim, valid, np.zeros(3))
+    receivers = project(points, frame, offset)
+    address = address_of(points, anchor, receivers, frame.perspective)
+    log2_ratio = MEASURES[measure](points, camera, frame, receivers)
+    return Audience(receivers, address, log2_ratio, weight)
+
+
+class Analysis(eqx.Module):
+    """What one look at receivers found.
+
+    Attributes:
+        entry: (n,) page table entry of the page that serves each receiver now.
+        target: (n,) level at which it is matched.
+        finest: (n,) deepest level worth having for it.
+        coarse: (n,) level at which its texels are `COARSE` times as large.
+        straddles: (n,) whether the 2 x 2 texels around it disagree about it, or one of them
+            cannot decide.
+    """
+
+    entry: Int[Array, " n"]
+    target: Int[Array, " n"]
+    finest: Int[Array, " n"]
+    coarse: Int[Array, " n"]
+    straddles: Bool[Array, " n"]
+
+
+@partial(jax.jit, static_argnames=("shape", "perspective"))
+def analyse(
+    tree: Tree,
+    audience: Audience,
+    log2_target: float,
+    log2_finest: float,
+    bias: float,
+    *,
+    shape: TreeShape,
+    perspective: bool,
+) -> Analysis:
+    """Serve every receiver, and see whether more texels could change the answer.
+
+    Args:
+        log2_target: log2 of the ratio at which a pixel is matched; 0 for texels as small as pixels.
+        log2_finest: log2 of the smallest ratio worth having.
+    """
+    receivers, address = audience.receivers, audience.address
+    entry = serve(shape, tree, receivers, address)
+    log2 = shape.log2_resolution(level_of(entry))
+    texel = index_at(address.at, log2)
+    # Half a texel in fixed point: its bit says which neighbours are nearest.
+    half = (address.at >> (BITS - 1 - log2)) & 1
+    side = jnp.where(half == 1, 1, -1).astype(jnp.int32)
+    taps, undecided = [], jnp.zeros_like(receivers.facing)
+    for dy in (0, 1):
+        for dx in (0, 1):
+            step = jnp.stack([side[0] * dx, side[1] * dy])
+            taps.append(
+                page_outcome(
+                    shape,
+                    tree,
+                    receivers,
+                    address,
+                    entry,
+                    step,
+                    bias=bias,
+                    perspective=perspective,
+                )  # fmt: skip
+            )
+            offset = centre_offset(address, texel + step, log2)
+            undecided |= ~plane_is_trusted(receivers, offset, perspective)
+    at_start = audience.log2_ratio - shape.log2_resolution(0)
+
+    def whole_level(log2_goal):
+        wanted = required_level(at_start, shape.log2_cells, log2_goal)
+        return jnp.clip(jnp.ceil(wanted), 0, shape.levels).astype(jnp.int32)
+
+    return Analysis(
+        entry=entry,
+        target=whole_level(log2_target),
+        finest=whole_level(log2_finest),
+        coarse=whole_level(log2_target + math.log2(COARSE)),
+        straddles=(straddles_discontinuity(taps) | undecided) & receivers.facing,
+    )

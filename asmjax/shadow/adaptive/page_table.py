@@ -1,0 +1,162 @@
+"""Which page serves a place of the light's image: page tables instead of a descent node by node.
+
+The top table has an entry for each square of a regular grid; an entry names the deepest page that
+covers its square, or a table of 8 x 8 entries for it where deeper pages exist. One step passes
+three levels of a tree with c = 2; the deepest trees take five steps where a descent takes fifteen
+(measured in docs/benchmarks.md). An entry below a deep page is filled with the nearest page above
+it, so nothing is remembered on the way down.
+"""
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Int
+
+from asmjax.shadow.adaptive.address import BITS, index_at
+from asmjax.shadow.adaptive.shape import LOG2_TABLE, TreeShape
+
+LEVEL_BITS = 5
+"""Low bits of an entry: the level of the page that it names. The page is in the bits above."""
+
+_SIDE = 1 << LOG2_TABLE
+_ENTRIES = 1 << (2 * LOG2_TABLE)
+
+
+def level_of(entry):
+    """Level of the page that a non-negative entry names."""
+    return entry & ((1 << LEVEL_BITS) - 1)
+
+
+def page_of(entry):
+    """Page that a non-negative entry names."""
+    return entry >> LEVEL_BITS
+
+
+def find_entries(
+    shape: TreeShape,
+    entries: Int[Array, " entries"],
+    face: Int[Array, " n"],
+    at: Int[Array, "2 n"],
+) -> Int[Array, " n"]:
+    """The entry (n,) that names the deepest page over each fixed-point place `at` of `face`."""
+    column, row = index_at(at, shape.log2_top)
+    entry = take(entries, (((face << shape.log2_top) + row) << shape.log2_top) + column)
+    for k in range(1, shape.steps + 1):
+        shift = BITS - shape.log2_top - LOG2_TABLE * k
+        x, y = (at >> shift) & (_SIDE - 1)
+        table = jnp.maximum(~entry, 0) << (2 * LOG2_TABLE)
+        below = take(entries, shape.top_entries + table + (y << LOG2_TABLE) + x)
+        entry = jnp.where(entry < 0, below, entry)
+    return entry
+
+
+def take(table, index):
+    """`table[index]` for indices that are known to lie inside: nothing is checked."""
+    return table.at[index].get(mode="promise_in_bounds", wrap_negative_indices=False)
+
+
+class PageTable:
+    """The host's copy of the tables, which is changed; the device gets a copy of it.
+
+    Attributes:
+        entries: (shape.entries,) int32: page << 5 | level, or ~table.
+        used: tables taken.
+    """
+
+    def __init__(self, shape: TreeShape):
+        self.shape = shape
+        self.entries = np.zeros(shape.entries, np.int32)
+        self.used = 0
+
+    @property
+    def bytes(self) -> int:
+        return self.entries.nbytes
+
+    def clear(self) -> None:
+        """Forget all pages."""
+        self.entries[:] = 0
+        self.used = 0
+
+    def cover(self, pages: np.ndarray, squares: np.ndarray) -> np.ndarray:
+        """Let `pages` (k,) serve their squares (4, k) where nothing deeper does.
+
+        Level-0 pages must come first, before any other. Returns (k,) bool: which found room; the
+        others are not served.
+        """
+        placed = np.ones(pages.size, bool)
+        levels = squares[1]
+        for level in np.unique(levels):
+            which = np.flatnonzero(levels == level)
+            at, fits = self._blocks(squares[:, which], int(level))
+            placed[which[~fits]] = False
+            value = (pages[which[fits]] << LEVEL_BITS) | int(level)
+            self._fill(at.reshape(-1), np.repeat(value.astype(np.int32), at.shape[1]))
+        return placed
+
+    def replace(self, new_entry: np.ndarray) -> None:
+        """Pages are given up: each entry of page p becomes `new_entry[p]`, unless that is -1."""
+        used = self.entries[: self.shape.top_entries + self.used * _ENTRIES]
+        leaf = used >= 0
+        new = np.where(leaf, new_entry[page_of(np.maximum(used, 0))], -1)
+        np.copyto(used, new, where=new >= 0)
+
+    def _blocks(self, squares: np.ndarray, level: int) -> tuple[np.ndarray, np.ndarray]:
+        """Flat entries (fitting, m) that the squares of one level cover, tables made for them; and
+        which of the squares found room."""
+        shape = self.shape
+        face, _, column, row = squares.astype(np.int64)
+        bits, done = shape.log2_nodes_at(level), shape.log2_top
+        fits = np.ones(face.size, bool)
+        if bits <= done:
+            shift = done - bits
+            step = np.arange(1 << shift)
+            block = (step[:, None] << done) + step
+            corner = (((face << done) + (row << shift)) << done) + (column << shift)
+            return corner[:, None] + block.reshape(-1), fits
+        shift = bits - done
+        entry = (((face << done) + (row >> shift)) << done) + (column >> shift)
+        while True:
+            table = self._tables(entry)
+            fits[np.flatnonzero(fits)[table < 0]] = False
+            keep = table >= 0
+            table, column, row = table[keep], column[keep], row[keep]
+            done += LOG2_TABLE
+            base = shape.top_entries + table.astype(np.int64) * _ENTRIES
+            if bits <= done:
+                break
+            shift = bits - done
+            inside = (((row >> shift) & (_SIDE - 1)) << LOG2_TABLE) + (
+                (column >> shift) & (_SIDE - 1)
+            )
+            entry = base + inside
+        shift = done - bits
+        mask = _SIDE - 1
+        step = np.arange(1 << shift)
+        corner = (((row << shift) & mask) << LOG2_TABLE) + ((column << shift) & mask)
+        block = (step[:, None] << LOG2_TABLE) + step
+        return (base + corner)[:, None] + block.reshape(-1), fits
+
+    def _tables(self, entry: np.ndarray) -> np.ndarray:
+        """The table of each entry, made where it names a page; -1 where none is left."""
+        value = self.entries[entry]
+        missing = np.unique(entry[value >= 0])[: self.shape.tables - self.used]
+        if missing.size:
+            made = self.used + np.arange(missing.size)
+            at = self.shape.top_entries + made[:, None] * _ENTRIES + np.arange(_ENTRIES)
+            self.entries[at] = self.entries[missing][:, None]
+            self.entries[missing] = ~made
+            self.used += missing.size
+            value = self.entries[entry]
+        return np.where(value < 0, ~value, -1)
+
+    def _fill(self, at: np.ndarray, value: np.ndarray) -> None:
+        """Write values into entries, and into all tables below them, where no deeper page is."""
+        while at.size:
+            held = self.entries[at]
+            leaf = held >= 0
+            shallower = leaf & (level_of(held) <= level_of(value))
+            self.entries[at[shallower]] = value[shallower]
+            tables = ~held[~leaf].astype(np.int64)
+            value = np.repeat(value[~leaf], _ENTRIES)
+            at = (
+                self.shape.top_entries + tables[:, None] * _ENTRIES + np.arange(_ENTRIES)
+            ).reshape(-1)

@@ -1,0 +1,271 @@
+"""The passes that refine a tree: look, decide, cast, store, until a limit or nothing is left."""
+
+import time
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from asmjax.buffers import EyeBuffer, LightRays
+from asmjax.geometry import LightFrame
+from asmjax.shadow.adaptive.cost_model import CostModel
+from asmjax.shadow.adaptive.look import Audience, analyse, audience_of
+from asmjax.shadow.adaptive.page_table import page_of
+from asmjax.shadow.adaptive.pool import NodePool, Requests
+from asmjax.shadow.adaptive.refine import Wish, most_profitable_first, requests_of
+from asmjax.shadow.adaptive.shape import TreeShape, page_windows
+from asmjax.shadow.adaptive.state import BuildLog
+from asmjax.shadow.adaptive.tree import Tree, store_pages
+from asmjax.shadow.base import Status
+
+BUCKETS = (16, 128, 1024)
+"""Numbers of pages that are stored in one call: others are padded, so that nothing retraces."""
+
+LEAST_SHARE = 12
+"""A pass may always take this part of all pages, so that the last ones do not take many passes."""
+
+BUSY_SHARE = 64
+"""A pass over a moving view that makes more than this part of all pages is followed by another."""
+
+FOLLOW_PASSES = 4
+"""Passes of one update for a moving view, at most."""
+
+FIRST_LAUNCH = 0.25
+"""Part of the time left that a first launch may take by prediction: nothing was measured yet."""
+
+
+class Stage(NamedTuple):
+    """One stage of refinement of a view at rest.
+
+    Attributes:
+        wish: what to look for.
+        share: part of the free pages that a pass may take.
+        passes: the most passes.
+        thorough: look at every pixel rather than at one turn's share.
+        if_uncovered: only for what an earlier coverage could not afford.
+    """
+
+    wish: Wish
+    share: float
+    passes: int
+    thorough: bool = False
+    if_uncovered: bool = False
+
+
+class Refiner:
+    """Refines one tree for one view: holds what the passes share.
+
+    Args:
+        settings: the `AdaptiveShadowMap`.
+        start: `time.perf_counter()` of the call that it serves, for the time limit.
+    """
+
+    def __init__(
+        self,
+        settings,
+        shape: TreeShape,
+        tree: Tree,
+        pool: NodePool,
+        cost_model: CostModel,
+        log: BuildLog,
+        view: EyeBuffer,
+        frame: LightFrame,
+        rays: LightRays,
+        start: float,
+    ):
+        self.settings, self.shape, self.tree, self.pool = settings, shape, tree, pool
+        self.cost_model, self.log, self.view = cost_model, log, view
+        self.frame, self.rays, self.start = frame, rays, start
+        self.last_look = 0.0
+        self.made = np.zeros(shape.pages, bool)
+        log.frame += 1
+
+    def plant(self) -> None:
+        """Make the level-0 nodes: all that there is before the first look."""
+        got = self.pool.admit(self.pool.roots(), self.log.frame, self.log.frame, False)
+        self.log.made += got.pages.size
+        self.made[got.pages] = True
+        self.cast(got.pages)
+
+    def renew(self, pages: np.ndarray) -> None:
+        """Cast pages again that were used lately, and give up the other ones of `pages`."""
+        began = time.perf_counter()
+        unused = self.pool.unused(self._oldest)
+        gone = unused[np.isin(unused, pages)]
+        self.log.dropped += self.pool.evict(gone)
+        kept = pages[~np.isin(pages, gone)]
+        self.log.recast += kept.size
+        self.log.analysis += time.perf_counter() - began
+        self.cast(kept)
+
+    @property
+    def _oldest(self) -> int:
+        """Pages with an older stamp answered nobody in the last full turn of the looks."""
+        return self.log.frame - self.settings.pixel_share
+
+    def rest(self) -> None:
+        """Refine a view at rest until nothing is left to gain or a limit ends it."""
+        covered, turn = True, 0
+        for stage in self._stages():
+            if stage.if_uncovered and covered:
+                continue
+            looking = self._audience(turn, stage.thorough)
+            for done in range(1, stage.passes + 1):
+                wanted, straddles = self._look(looking, stage.wish)
+                free = self.pool.free_pages
+                allowed = max(int(stage.share * free), self.shape.pages // LEAST_SHARE, 1)
+                if stage.wish is Wish.COVERAGE and not stage.if_uncovered:
+                    covered = wanted.count <= int(stage.share * free)
+                made = self._make(wanted.take(slice(allowed)), replace=stage.wish is Wish.EDGES)
+                if wanted.count == 0 or made == 0 or self.log.status.is_limit:
+                    break
+                if done == stage.passes and stage.wish in (Wish.EDGES, Wish.FINER_EDGES):
+                    self.log.status = Status.PASS_LIMIT
+                # Only receivers near an edge can have anything left to gain; with one turn's share
+                # of them, others get their turn.
+                turn += 1
+                looking = looking.only(straddles) if stage.thorough else self._audience(turn, False)
+            if self.log.status.is_limit:
+                break
+        self._finish()
+
+    def follow(self) -> None:
+        """Refine for a moving view: one turn's share of its pixels, matched and no finer."""
+        for turn in range(FOLLOW_PASSES):
+            looking = self._audience(self.log.frame + turn, False)
+            wanted, _ = self._look(looking, Wish.FOLLOW)
+            made = self._make(wanted, replace=True)
+            if made <= self.shape.pages // BUSY_SHARE or self.log.status.is_limit:
+                break
+        self._finish()
+
+    def _stages(self) -> Iterator[Stage]:
+        """What to look for, in order.
+
+        Finer edges are found pass by pass, so each takes half of what is left: the last pages go
+        where the last look says they help most.
+        """
+        most, cover = self.settings.max_passes, self.settings.cover
+        modern = self.settings.finest_ratio < self.settings.ratio_target
+        if not cover and not modern:
+            yield Stage(Wish.EDGES, 1.0, most)
+            yield Stage(Wish.EDGES, 1.0, most, thorough=True)
+            return
+        if cover:
+            yield Stage(Wish.COARSE_COVERAGE, 0.25, 1)
+        yield Stage(Wish.EDGES, 0.5, most)
+        last = Wish.FINER_EDGES if modern else Wish.EDGES
+        if cover:
+            yield Stage(Wish.COVERAGE, 0.25, 1)
+        yield Stage(last, 0.5, most, thorough=True)
+        if cover:
+            # What the first coverage could not afford, and the edges that it brings to light.
+            yield Stage(Wish.COVERAGE, 1.0, most, thorough=True, if_uncovered=True)
+            yield Stage(last, 1.0, most, thorough=True, if_uncovered=True)
+
+    def _audience(self, turn: int, thorough: bool) -> Audience:
+        began = time.perf_counter()
+        share = 1 if thorough else self.settings.pixel_share
+        result = audience_of(self.view, self.frame, self.settings.measure, share, turn)
+        self.log.analysis += time.perf_counter() - began
+        return result
+
+    def _look(self, looking: Audience, wish: Wish) -> tuple[Requests, np.ndarray]:
+        """What the audience asks for, most profitable first; and which of it straddle an edge."""
+        began = time.perf_counter()
+        settings = self.settings
+        analysis = analyse(
+            self.tree, looking,
+            float(np.log2(settings.ratio_target)), float(np.log2(settings.finest_ratio)),
+            settings.bias, shape=self.shape, perspective=self.frame.perspective,
+        )  # fmt: skip
+        self.log.status = Status.COMPLETE
+        facing = np.asarray(looking.receivers.facing)
+        self.pool.stamp[page_of(np.asarray(analysis.entry)[facing])] = self.log.frame
+        wanted = requests_of(self.shape, analysis, looking, wish)
+        wanted = most_profitable_first(wanted, self.cost_model)
+        self.last_look = time.perf_counter() - began
+        self.log.analysis += self.last_look
+        return wanted, np.asarray(analysis.straddles)
+
+    def _make(self, requests: Requests, replace: bool) -> int:
+        """Cast and store the nodes that fit into time and memory; returns how many were made."""
+        began = time.perf_counter()
+        requests = self._affordable(requests)
+        got = self.pool.admit(requests, self.log.frame, self._oldest, replace)
+        self.log.evicted += got.evicted
+        if got.no_table:
+            self.log.status = Status.NODE_CAPACITY
+        elif got.refused:
+            self.log.status = Status.MEMORY_LIMIT
+        self.log.analysis += time.perf_counter() - began
+        self.log.made += got.pages.size
+        self.made[got.pages] = True
+        self.cast(got.pages)
+        return got.pages.size
+
+    def _affordable(self, requests: Requests) -> Requests:
+        """The first requests that can be cast within the time limit, by what was measured."""
+        limit = self.settings.time_limit
+        if limit is None or requests.count == 0:
+            return requests
+        log = self.log
+        left = limit - (time.perf_counter() - self.start) - self.last_look
+        if log.passes == 0:
+            left *= FIRST_LAUNCH
+        cost = self.cost_model
+        per_page = max(cost.a_seconds_per_texel * self.shape.side**2, 1e-12)
+        fits = (left / log.slowness - cost.b_seconds) / per_page
+        fits = int(np.clip(fits, 0, requests.count))
+        if fits < requests.count:
+            log.status = Status.TIME_LIMIT
+        return requests.take(slice(fits))
+
+    def cast(self, pages: np.ndarray) -> None:
+        """Cast the texels of pages in one launch, near ones together, and store them."""
+        if pages.size == 0:
+            return
+        began = time.perf_counter()
+        pages = pages[np.argsort(self.pool.key[pages])]
+        windows = page_windows(self.shape, self.pool.squares[:, pages])
+        buffer = self.rays.light_buffer(self.frame, windows)
+        depth, prim = np.asarray(buffer.depth), np.asarray(buffer.prim)
+        tree = self.tree
+        stored = tree.depth, tree.prim
+        for start in range(0, pages.size, BUCKETS[-1]):
+            some = slice(start, min(start + BUCKETS[-1], pages.size))
+            bucket = next(b for b in BUCKETS if b >= some.stop - some.start)
+            stored = store_pages(
+                *stored,
+                _padded(pages[some].astype(np.int32), bucket, self.shape.pages),
+                None if tree.depth is None else _padded(depth[some], bucket),
+                None if tree.prim is None else _padded(prim[some], bucket),
+            )
+        # A copy: an aliased table would change under the device's hands at the next insert.
+        entries = jnp.array(self.pool.table.entries, copy=True)
+        self.tree = Tree(entries, *stored)
+        jax.block_until_ready(self.tree)
+        seconds = time.perf_counter() - began
+        expected = self.cost_model.seconds(windows.texels)
+        if expected > 0:
+            # The larger of the last two: a launch that was slow once may be slow again.
+            slow = seconds / expected
+            self.log.slowness = max(slow, 0.5 * (self.log.slowness + slow))
+        self.log.build += seconds
+        self.log.rays += windows.texels
+        self.log.passes += 1
+
+    def _finish(self) -> None:
+        used = self.pool.stamp[self.pool.held()] == self.log.frame
+        self.log.reused = int((used & ~self.made[self.pool.held()]).sum())
+
+
+def _padded(a: np.ndarray, count: int, fill=0) -> np.ndarray:
+    """`a` with its first axis filled up to `count` entries; itself where nothing is missing."""
+    if a.shape[0] == count:
+        return a
+    result = np.full((count, *a.shape[1:]), fill, a.dtype)
+    result[: a.shape[0]] = a
+    return result

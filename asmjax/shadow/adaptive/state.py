@@ -1,0 +1,87 @@
+"""What an adaptive shadow map remembers between frames."""
+
+from dataclasses import dataclass
+
+import equinox as eqx
+
+from asmjax.errors import require
+from asmjax.geometry import Camera, LightFrame
+from asmjax.shadow.adaptive.cost_model import CostModel
+from asmjax.shadow.adaptive.pool import NodePool
+from asmjax.shadow.adaptive.shape import TreeShape
+from asmjax.shadow.adaptive.tree import Tree
+from asmjax.shadow.base import Status
+
+
+@dataclass
+class BuildLog:
+    """What building took so far, and how it ended.
+
+    Attributes:
+        build, analysis: seconds of wall time: light rays and storing, and deciding.
+        rays, passes: light rays, and launches of them.
+        made, evicted, recast, dropped, reused: as `asmjax.shadow.NodeCounts`.
+        frame: builds and updates so far; pages are stamped with it.
+        slowness: measured / predicted seconds of the launches so far, 1 before the first.
+        status: how the last build or update ended.
+    """
+
+    build: float = 0.0
+    analysis: float = 0.0
+    rays: int = 0
+    passes: int = 0
+    made: int = 0
+    evicted: int = 0
+    recast: int = 0
+    dropped: int = 0
+    reused: int = 0
+    frame: int = 0
+    slowness: float = 1.0
+    status: Status = Status.COMPLETE
+
+
+class HostSide:
+    """What a state keeps on the host: tables, costs and log; and whether `update` took it over.
+
+    All are equal: a jitted function of a state depends on its arrays and shapes alone.
+
+    Attributes:
+        camera: the camera that the state was refined for last.
+    """
+
+    def __init__(self, pool: NodePool, cost_model: CostModel, log: BuildLog, camera: Camera):
+        self.pool, self.cost_model, self.log, self.camera = pool, cost_model, log, camera
+        self.taken = False
+
+    def __eq__(self, other):
+        return isinstance(other, HostSide)
+
+    def __hash__(self):
+        return hash(HostSide)
+
+
+class AdaptiveState(eqx.Module):
+    """A tree on the device, its tables on the host, and the light frame that it was built for."""
+
+    tree: Tree
+    frame: LightFrame
+    shape: TreeShape = eqx.field(static=True)
+    host: HostSide = eqx.field(static=True)
+
+    @property
+    def pool(self) -> NodePool:
+        self.check_owned()
+        return self.host.pool
+
+    @property
+    def log(self) -> BuildLog:
+        self.check_owned()
+        return self.host.log
+
+    def check_owned(self) -> None:
+        """Raise `UseError` if `update` has taken this state over."""
+        require(
+            not self.host.taken,
+            "this state was handed to update, which reuses its arrays; go on with the state that "
+            "update returned.",
+        )
