@@ -2,13 +2,13 @@
 
 import gc
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from jax.typing import ArrayLike
 
-from asmjax.buffers import EyeBuffer, LightRays
+from asmjax.buffers import EyeBuffer, LightRays, seen_points
 from asmjax.experiment.timing import median_by_stage, repeated
 from asmjax.geometry import LightFrame
 from asmjax.shadow import Cost, ShadowAlgorithm, Status
@@ -48,6 +48,21 @@ class Measured:
     state: Any = None
 
 
+def queried(
+    algorithm: ShadowAlgorithm, state, eyes: Sequence[EyeBuffer], repeats: int
+) -> tuple[np.ndarray, float]:
+    """Visibility (n,) of the pixels, the mean over their samples, and median seconds of finding it.
+
+    Only the pixels that see a surface are asked about, as only they get a shadow ray.
+    """
+    seen = [seen_points(eye) for eye in eyes]
+    samples, seconds = repeated(
+        lambda: [algorithm.visibility(state, some.points) for some in seen], repeats
+    )
+    images = [some.image(lit) for some, lit in zip(seen, samples, strict=True)]
+    return pixel_mean(images, eyes), seconds
+
+
 def pixel_mean(samples: Sequence[ArrayLike], eyes: Sequence[EyeBuffer]) -> np.ndarray:
     """Visibility (n,) of pixels from that of their samples: the mean over those that are valid."""
     valid = np.stack([eye.valid for eye in eyes])
@@ -73,18 +88,13 @@ def measure(
         state = algorithm.build(eyes[0], frame, rays)
         if run:
             stages.append(algorithm.cost(state).seconds)
-    samples, query = repeated(
-        lambda: [algorithm.visibility(state, eye.points) for eye in eyes], repeats
-    )
+    visibility, query = queried(algorithm, state, eyes, repeats)
     cost = algorithm.cost(state)
     return Measured(
         name=algorithm.name,
         settings=settings_of(algorithm),
-        visibility=pixel_mean(samples, eyes),
-        cost=Cost(
-            cost.texels, cost.bytes, cost.rays, cost.passes,
-            median_by_stage(stages) | {"query": query},
-        ),
+        visibility=visibility,
+        cost=replace(cost, seconds=median_by_stage(stages) | {"query": query}),
         status=algorithm.status(state),
         effective_resolution=algorithm.effective_resolution(state),
         state=state,

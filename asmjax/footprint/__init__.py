@@ -9,6 +9,12 @@ from asmjax.footprint.jacobian import (
     surface_tangents,
     uv_jacobian,
 )
+from asmjax.footprint.mipmap import (
+    log2_footprint_axes,
+    log2_mip_value,
+    log2_mipmap_ratio,
+    log2_sampled_length,
+)
 from asmjax.footprint.ratio import (
     LOG2_WORST,
     area_ratio,
@@ -27,8 +33,12 @@ __all__ = [
     "cell_worst",
     "determinant",
     "linear_ratio",
+    "log2_footprint_axes",
     "log2_linear_ratio",
     "log2_m",
+    "log2_mip_value",
+    "log2_mipmap_ratio",
+    "log2_sampled_length",
     "m",
     "n_required",
     "orthographic_area",

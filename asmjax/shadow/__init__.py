@@ -1,12 +1,13 @@
 """Shadow algorithms: siblings behind one protocol, `ShadowAlgorithm`."""
 
-from asmjax.shadow.adaptive import AdaptiveShadowMap, CostModel, calibrate
+from asmjax.shadow.adaptive import PRESETS, AdaptiveShadowMap, CostModel, calibrate, preset
 from asmjax.shadow.base import Cost, NodeCounts, ShadowAlgorithm, Status
 from asmjax.shadow.registry import ALGORITHMS
 from asmjax.shadow.uniform import UniformShadowMap, resolution_for
 
 __all__ = [
     "ALGORITHMS",
+    "PRESETS",
     "AdaptiveShadowMap",
     "Cost",
     "CostModel",
@@ -15,5 +16,6 @@ __all__ = [
     "Status",
     "UniformShadowMap",
     "calibrate",
+    "preset",
     "resolution_for",
 ]

@@ -8,9 +8,11 @@ from asmjax.shadow.adaptive.calibration_store import (
     on_this_machine,
 )
 from asmjax.shadow.adaptive.cost_model import CostModel, calibrate, fit_cost_model
+from asmjax.shadow.adaptive.presets import PRESETS, preset
 from asmjax.shadow.adaptive.state import AdaptiveState
 
 __all__ = [
+    "PRESETS",
     "AdaptiveShadowMap",
     "AdaptiveState",
     "Calibrated",
@@ -20,4 +22,5 @@ __all__ = [
     "fit_cost_model",
     "kept_or_measured",
     "on_this_machine",
+    "preset",
 ]

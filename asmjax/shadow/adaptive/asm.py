@@ -48,7 +48,7 @@ class AdaptiveShadowMap(ShadowAlgorithm[AdaptiveState]):
             or less where that would use more than a quarter of the memory.
         ratio_target: texel / pixel size at which a pixel is matched; 1 in the paper.
         measure: what "size" means: "axis" is the worst direction (m), "area" the square root of
-            the area ratio (the paper's).
+            the area ratio; "mipmap" and "mipmap_anisotropic" are the area as the paper measured it.
         pixel_share: looks during motion, and the first ones of a view at rest, take one pixel in
             this many, others in each turn; 1, 2, 4 or 8 (the paper's).
         compare, bias: the shadow test; see `asmjax.shadow.comparison`.

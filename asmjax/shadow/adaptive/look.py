@@ -13,6 +13,7 @@ from asmjax.buffers import EyeBuffer, Receivers, SurfacePoints, light_offset, pr
 from asmjax.footprint import (
     log2_linear_ratio,
     log2_m,
+    log2_mipmap_ratio,
     required_level,
     straddles_discontinuity,
     uv_jacobian,
@@ -46,7 +47,12 @@ def _area(points, camera, frame, receivers):
     return log2_linear_ratio(uv_jacobian(points, camera, frame, receivers), 1)
 
 
-MEASURES = {"axis": _axis, "area": _area}
+MEASURES = {
+    "axis": _axis,
+    "area": _area,
+    "mipmap": log2_mipmap_ratio,
+    "mipmap_anisotropic": partial(log2_mipmap_ratio, max_anisotropy=16.0),
+}
 """What the size of a texel beside a pixel means: functions of points, camera, frame and receivers
 that give log2 of it for one texel per face side, (n,)."""
 
