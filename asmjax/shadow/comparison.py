@@ -84,7 +84,7 @@ def lit_by_texel(
     map_depth: Float[Array, " n"] | None,
     map_prim: UInt16[Array, " n"] | None,
     *,
-    bias: float,
+    bias: Float[Array, ""] | float,
     perspective: bool,
 ) -> Bool[Array, " n"]:
     """Whether the texel `offset_uv` away lets light through to each receiver.

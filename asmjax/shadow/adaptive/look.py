@@ -97,13 +97,39 @@ def audience_of(
     view: EyeBuffer, frame: LightFrame, measure: str, share: int = 1, turn: int = 0
 ) -> Audience:
     """The receivers of a view, or of one pixel in `share` of it: all are seen in `share` turns."""
+    return _audience(*_arguments(view, frame, share, turn), measure=measure, weight=share)
+
+
+def first_look(
+    tree: Tree,
+    view: EyeBuffer,
+    frame: LightFrame,
+    goals: tuple[float, float, float],
+    *,
+    shape: TreeShape,
+    measure: str,
+    share: int,
+    turn: int,
+) -> "tuple[Audience, Analysis]":
+    """`audience_of` and `analyse` in one call; `goals` are the latter's last three arguments."""
+    arguments = _arguments(view, frame, share, turn)
+    return _first_look(tree, arguments, goals, shape=shape, measure=measure, weight=share)
+
+
+def _arguments(view: EyeBuffer, frame: LightFrame, share: int, turn: int) -> tuple:
     points = view.points
     pixels = None if share == 1 else _pixels(*view.size, share, turn % share)
-    return _audience(
+    return (
         points.position, points.normal, points.prim, points.valid, pixels,
         view.camera, frame, light_offset(points, frame), anchor(points, frame),
-        measure=measure, weight=share,
     )  # fmt: skip
+
+
+@partial(jax.jit, static_argnames=("shape", "measure", "weight"))
+def _first_look(tree, arguments, goals, *, shape, measure, weight):
+    audience = _audience(*arguments, measure=measure, weight=weight)
+    perspective = arguments[6].perspective
+    return audience, analyse(tree, audience, *goals, shape=shape, perspective=perspective)
 
 
 @lru_cache(maxsize=16)
@@ -157,9 +183,9 @@ class Analysis(eqx.Module):
 def analyse(
     tree: Tree,
     audience: Audience,
-    log2_target: float,
-    log2_finest: float,
-    bias: float,
+    log2_target: Float[Array, ""] | float,
+    log2_finest: Float[Array, ""] | float,
+    bias: Float[Array, ""] | float,
     *,
     shape: TreeShape,
     perspective: bool,

@@ -1,5 +1,6 @@
 """The passes that refine a tree: look, decide, cast, store, until a limit or nothing is left."""
 
+import math
 import time
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -11,7 +12,7 @@ import numpy as np
 from asmjax.buffers import EyeBuffer, LightRays
 from asmjax.geometry import LightFrame
 from asmjax.shadow.adaptive.cost_model import CostModel
-from asmjax.shadow.adaptive.look import Audience, analyse, audience_of
+from asmjax.shadow.adaptive.look import Audience, analyse, first_look
 from asmjax.shadow.adaptive.page_table import page_of
 from asmjax.shadow.adaptive.pool import NodePool, Requests
 from asmjax.shadow.adaptive.refine import Wish, most_profitable_first, requests_of
@@ -27,7 +28,8 @@ LEAST_SHARE = 12
 """A pass may always take this part of all pages, so that the last ones do not take many passes."""
 
 BUSY_SHARE = 64
-"""A pass over a moving view that makes more than this part of all pages is followed by another."""
+"""A pass over one turn's share of the pixels that makes more than this part of all pages is
+followed by another; less is left to the next turns, or to a thorough look."""
 
 FOLLOW_PASSES = 4
 """Passes of one update for a moving view, at most."""
@@ -111,22 +113,22 @@ class Refiner:
         for stage in self._stages():
             if stage.if_uncovered and covered:
                 continue
-            looking = self._audience(turn, stage.thorough)
+            looking = None
             for done in range(1, stage.passes + 1):
-                wanted, straddles = self._look(looking, stage.wish)
+                # A thorough stage sees every pixel once, then only those near an edge: no others
+                # can have anything left to gain. Else others get their turn.
+                wanted, looking, straddles = self._look(stage.wish, stage.thorough, turn, looking)
+                looking, turn = looking.only(straddles) if stage.thorough else None, turn + 1
                 free = self.pool.free_pages
                 allowed = max(int(stage.share * free), self.shape.pages // LEAST_SHARE, 1)
                 if stage.wish is Wish.COVERAGE and not stage.if_uncovered:
                     covered = wanted.count <= int(stage.share * free)
                 made = self._make(wanted.take(slice(allowed)), replace=stage.wish is Wish.EDGES)
-                if wanted.count == 0 or made == 0 or self.log.status.is_limit:
+                few = 0 if stage.thorough else self.shape.pages // BUSY_SHARE
+                if made <= few or self.log.status.is_limit:
                     break
                 if done == stage.passes and stage.wish in (Wish.EDGES, Wish.FINER_EDGES):
                     self.log.status = Status.PASS_LIMIT
-                # Only receivers near an edge can have anything left to gain; with one turn's share
-                # of them, others get their turn.
-                turn += 1
-                looking = looking.only(straddles) if stage.thorough else self._audience(turn, False)
             if self.log.status.is_limit:
                 break
         self._finish()
@@ -134,8 +136,7 @@ class Refiner:
     def follow(self) -> None:
         """Refine for a moving view: one turn's share of its pixels, matched and no finer."""
         for turn in range(FOLLOW_PASSES):
-            looking = self._audience(self.log.frame + turn, False)
-            wanted, _ = self._look(looking, Wish.FOLLOW)
+            wanted, *_ = self._look(Wish.FOLLOW, False, self.log.frame + turn)
             made = self._make(wanted, replace=True)
             if made <= self.shape.pages // BUSY_SHARE or self.log.status.is_limit:
                 break
@@ -162,25 +163,34 @@ class Refiner:
         yield Stage(last, 0.5, most, thorough=True)
         if cover:
             # What the first coverage could not afford, and the edges that it brings to light.
-            yield Stage(Wish.COVERAGE, 1.0, most, thorough=True, if_uncovered=True)
+            yield Stage(Wish.COVERAGE, 1.0, most, if_uncovered=True)
             yield Stage(last, 1.0, most, thorough=True, if_uncovered=True)
 
-    def _audience(self, turn: int, thorough: bool) -> Audience:
-        began = time.perf_counter()
-        share = 1 if thorough else self.settings.pixel_share
-        result = audience_of(self.view, self.frame, self.settings.measure, share, turn)
-        self.log.analysis += time.perf_counter() - began
-        return result
+    def _look(
+        self, wish: Wish, thorough: bool, turn: int, looking: Audience | None = None
+    ) -> tuple[Requests, Audience, np.ndarray]:
+        """Look at `looking`, or else at the view or at one turn's share of it.
 
-    def _look(self, looking: Audience, wish: Wish) -> tuple[Requests, np.ndarray]:
-        """What the audience asks for, most profitable first; and which of it straddle an edge."""
+        Returns what is asked for, most profitable first; who was looked at; which of them straddle
+        an edge.
+        """
         began = time.perf_counter()
         settings = self.settings
-        analysis = analyse(
-            self.tree, looking,
-            float(np.log2(settings.ratio_target)), float(np.log2(settings.finest_ratio)),
-            settings.bias, shape=self.shape, perspective=self.frame.perspective,
-        )  # fmt: skip
+        goals = (
+            math.log2(settings.ratio_target),
+            math.log2(settings.finest_ratio),
+            settings.bias,
+        )
+        if looking is None:
+            looking, analysis = first_look(
+                self.tree, self.view, self.frame, goals, shape=self.shape,
+                measure=settings.measure, share=1 if thorough else settings.pixel_share, turn=turn,
+            )  # fmt: skip
+        else:
+            perspective = self.frame.perspective
+            analysis = analyse(
+                self.tree, looking, *goals, shape=self.shape, perspective=perspective
+            )
         self.log.status = Status.COMPLETE
         facing = np.asarray(looking.receivers.facing)
         self.pool.stamp[page_of(np.asarray(analysis.entry)[facing])] = self.log.frame
@@ -188,7 +198,7 @@ class Refiner:
         wanted = most_profitable_first(wanted, self.cost_model)
         self.last_look = time.perf_counter() - began
         self.log.analysis += self.last_look
-        return wanted, np.asarray(analysis.straddles)
+        return wanted, looking, np.asarray(analysis.straddles)
 
     def _make(self, requests: Requests, replace: bool) -> int:
         """Cast and store the nodes that fit into time and memory; returns how many were made."""

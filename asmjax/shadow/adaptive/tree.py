@@ -55,7 +55,7 @@ def page_outcome(
     entry: Int[Array, " n"],
     step: Int[Array, "2 n"] | int,
     *,
-    bias: float,
+    bias: Float[Array, ""] | float,
     perspective: bool,
 ):
     """Whether the texel `step` (columns, rows; at most the guard band) beside a receiver's own
@@ -81,7 +81,7 @@ def lookup(
     receivers: Receivers,
     address: Address,
     *,
-    bias: float,
+    bias: Float[Array, ""] | float,
     perspective: bool,
 ):
     """Visibility (n,) bool by the finest texel over each receiver, and its level (n,)."""
