@@ -1,6 +1,7 @@
 """Looking at receivers: which page serves each, how fine it is, and whether more would help."""
 
 import math
+from dataclasses import replace
 from functools import lru_cache, partial
 
 import equinox as eqx
@@ -35,8 +36,9 @@ from asmjax.shadow.comparison import plane_is_trusted
 COARSE = 4.0
 """Texel / pixel size, over the matched one, that coarse coverage is content with."""
 
-LOOK_SIZES = tuple(4**k for k in range(6, 14))
-"""Numbers of receivers that are looked at: others are padded, so that nothing retraces."""
+FEW = 16
+"""Part of the receivers that are looked at again near edges: fewer are padded to as many, and more
+mean all of them, so that nothing retraces."""
 
 
 def _axis(points, camera, frame, receivers):
@@ -64,33 +66,37 @@ class Audience(eqx.Module):
         receivers, address: (n,) of them.
         log2_ratio: (n,) log2 of texel / pixel size for one texel per face side.
         weight: eye pixels that each of them stands for.
+        picked: whether they are those near an edge, out of more.
     """
 
     receivers: Receivers
     address: Address
     log2_ratio: Float[Array, " n"]
     weight: int = eqx.field(static=True)
+    picked: bool = eqx.field(static=True, default=False)
 
     @property
     def count(self) -> int:
         return self.receivers.facing.shape[0]
 
     def only(self, which: Bool[np.ndarray, " n"]) -> "Audience":
-        """The chosen receivers, padded with ones that face no light to one of `LOOK_SIZES`."""
+        """The chosen receivers, filled up with ones that face no light to one in `FEW` of all; all
+        where more are chosen, and the same where a choice was made before."""
         index = np.flatnonzero(which)
-        size = next((s for s in LOOK_SIZES if s >= index.size), self.count)
-        if size >= self.count:
+        size = -(-self.count // FEW)
+        if self.picked or index.size > size:
             return self
         padded = np.zeros(size, np.int32)
         padded[: index.size] = index
-        return _taken(self, padded, index.size)
+        return _picked(self, padded, index.size)
 
 
 @jax.jit
-def _taken(audience: Audience, index, count) -> Audience:
+def _picked(audience: Audience, index, count) -> Audience:
     chosen = jax.tree.map(lambda a: a[..., index], audience)
     real = jnp.arange(index.size) < count
-    return eqx.tree_at(lambda a: a.receivers.facing, chosen, chosen.receivers.facing & real)
+    facing = chosen.receivers.facing & real
+    return replace(chosen, receivers=replace(chosen.receivers, facing=facing), picked=True)
 
 
 def audience_of(

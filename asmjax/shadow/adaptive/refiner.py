@@ -3,6 +3,7 @@
 import math
 import time
 from collections.abc import Iterator
+from functools import lru_cache
 from typing import NamedTuple
 
 import jax
@@ -18,8 +19,9 @@ from asmjax.shadow.adaptive.pool import NodePool, Requests
 from asmjax.shadow.adaptive.refine import Wish, most_profitable_first, requests_of
 from asmjax.shadow.adaptive.shape import TreeShape, page_windows
 from asmjax.shadow.adaptive.state import BuildLog
-from asmjax.shadow.adaptive.tree import Tree, store_pages
+from asmjax.shadow.adaptive.tree import Tree, empty_tree, store_pages
 from asmjax.shadow.base import Status
+from asmjax.shadow.comparison import Compare
 
 BUCKETS = (16, 128, 1024)
 """Numbers of pages that are stored in one call: others are padded, so that nothing retraces."""
@@ -86,6 +88,7 @@ class Refiner:
 
     def plant(self) -> None:
         """Make the level-0 nodes: all that there is before the first look."""
+        _compile_stores(self.shape, self.settings.compare)
         got = self.pool.admit(self.pool.roots(), self.log.frame, self.log.frame, False)
         self.log.made += got.pages.size
         self.made[got.pages] = True
@@ -270,6 +273,23 @@ class Refiner:
     def _finish(self) -> None:
         used = self.pool.stamp[self.pool.held()] == self.log.frame
         self.log.reused = int((used & ~self.made[self.pool.held()]).sum())
+
+
+@lru_cache(maxsize=8)
+def _compile_stores(shape: TreeShape, compare: Compare) -> None:
+    """Have every bucket compiled once: a frame with many new nodes must not wait for it later."""
+    empty = empty_tree(shape, compare)
+    stored = empty.depth, empty.prim
+    for bucket in BUCKETS:
+        spare = np.full(bucket, shape.pages, np.int32)
+        texels = (bucket, shape.side, shape.side)
+        depth, prim = np.zeros(texels, np.float32), np.zeros(texels, np.int32)
+        stored = store_pages(
+            *stored,
+            spare,
+            None if empty.depth is None else depth,
+            None if empty.prim is None else prim,
+        )
 
 
 def _padded(a: np.ndarray, count: int, fill=0) -> np.ndarray:
