@@ -124,11 +124,23 @@ def first_look(
 
 def _arguments(view: EyeBuffer, frame: LightFrame, share: int, turn: int) -> tuple:
     points = view.points
-    pixels = None if share == 1 else _pixels(*view.size, share, turn % share)
+    pixels = None if share == 1 else _seen_pixels(view, share, turn % share)
     return (
         points.position, points.normal, points.prim, points.valid, pixels,
         view.camera, frame, light_offset(points, frame), anchor(points, frame),
     )  # fmt: skip
+
+
+def _seen_pixels(view: EyeBuffer, share: int, turn: int) -> np.ndarray:
+    """One turn's pixels that see a surface, filled up with -1 to a quarter, half or all of them."""
+    pixels = _pixels(*view.size, share, turn)
+    seen = pixels[(view.shape[pixels] >= 0) & (pixels >= 0)]
+    size = next(
+        s for s in (-(-pixels.size // 4), -(-pixels.size // 2), pixels.size) if s >= seen.size
+    )
+    result = np.full(size, -1, np.int32)
+    result[: seen.size] = seen
+    return result
 
 
 @partial(jax.jit, static_argnames=("shape", "measure", "weight"))

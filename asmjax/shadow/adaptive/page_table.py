@@ -92,12 +92,16 @@ class PageTable:
             self._fill(at.reshape(-1), np.repeat(value.astype(np.int32), at.shape[1]))
         return placed
 
-    def replace(self, new_entry: np.ndarray) -> None:
-        """Pages are given up: each entry of page p becomes `new_entry[p]`, unless that is -1."""
+    def replace(self, pages: np.ndarray, heirs: np.ndarray) -> None:
+        """Pages (k,) are given up: entries that name one name its heir's entry (k,) instead."""
         used = self.entries[: self.shape.top_entries + self.used * _ENTRIES]
-        leaf = used >= 0
-        new = np.where(leaf, new_entry[page_of(np.maximum(used, 0))], -1)
-        np.copyto(used, new, where=new >= 0)
+        heir = np.full(self.shape.pages, -1, np.int32)
+        heir[pages] = heirs
+        # Entries of tables are negative: they look at the end, where nobody is gone.
+        gone = np.zeros(self.shape.pages + 1 + (self.shape.tables >> LEVEL_BITS), bool)
+        gone[pages] = True
+        at = np.flatnonzero(gone[page_of(used)])
+        used[at] = heir[page_of(used[at])]
 
     def _blocks(self, squares: np.ndarray, level: int) -> tuple[np.ndarray, np.ndarray]:
         """Flat entries (fitting, m) that the squares of one level cover, tables made for them; and

@@ -10,6 +10,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
+from asmjax.shadow.adaptive.bounds import PageBounds, Pyramid, pyramid
 from asmjax.shadow.adaptive.page_table import LEVEL_BITS, PageTable
 from asmjax.shadow.adaptive.shape import TreeShape
 
@@ -66,6 +67,7 @@ class NodePool:
         key: (pages,) int64: place of each page in the order of a depth-first walk; -1 where free.
         stamp: (pages,) int32: the last look that the page answered in, or was made in.
         benefit: (pages,) float32: eye pixels that it was made for.
+        bounds: of the texels of each page.
     """
 
     def __init__(self, shape: TreeShape):
@@ -75,6 +77,7 @@ class NodePool:
         self.key = np.full(shape.pages, -1, np.int64)
         self.stamp = np.zeros(shape.pages, np.int32)
         self.benefit = np.zeros(shape.pages, np.float32)
+        self.bounds = PageBounds(shape.pages)
         self._free = np.arange(shape.pages, dtype=np.int32)[::-1].copy()
         self.free_pages = shape.pages
         # Keys in ascending order, and their pages: a depth-first walk, parents before children.
@@ -86,7 +89,7 @@ class NodePool:
         """Bytes of the tables."""
         own = (self.squares, self.key, self.stamp, self.benefit, self._free)
         order = (self._keys, self._pages)
-        return self.table.bytes + sum(a.nbytes for a in own + order)
+        return self.table.bytes + self.bounds.bytes + sum(a.nbytes for a in own + order)
 
     @property
     def used_pages(self) -> int:
@@ -95,6 +98,10 @@ class NodePool:
     def held(self) -> np.ndarray:
         """All pages in use, in the order of a depth-first walk."""
         return self._pages
+
+    def pyramid(self) -> Pyramid:
+        """Bounds of all subtrees, on the device."""
+        return pyramid(self.bounds, self._pages, self._keys, self._ends())
 
     def roots(self) -> Requests:
         """All level-0 nodes, face by face and row by row."""
@@ -150,11 +157,11 @@ class NodePool:
         least recently used first, children before their parents."""
         if not self._pages.size:
             return self._pages
-        last = self._last_use()
+        last = self._last_use().astype(np.int64)
         level = self.squares[1, self._pages]
         may = np.flatnonzero((last < oldest) & (level > 0))
-        order = np.lexsort((self._keys[may], -level[may], last[may]))
-        return self._pages[may[order]]
+        # One number each: last use, then depth, then place in the walk.
+        return self._pages[np.sort(((last[may] << 5) - level[may] << 32) + may) & 0xFFFFFFFF]
 
     def evict(self, pages: np.ndarray) -> int:
         """Give up `pages`: the nearest pages above them answer in their place. Returns how many."""
@@ -164,9 +171,7 @@ class NodePool:
         gone[pages] = True
         keep = ~gone[self._pages]
         self._keys, self._pages = self._keys[keep], self._pages[keep]
-        heir = np.full(self.shape.pages, -1, np.int32)
-        heir[pages] = self._above(self.squares[:, pages])
-        self.table.replace(heir)
+        self.table.replace(pages, self._above(self.squares[:, pages]))
         self.key[pages] = -1
         self._give_back(pages)
         return pages.size

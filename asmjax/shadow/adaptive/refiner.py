@@ -245,6 +245,7 @@ class Refiner:
         windows = page_windows(self.shape, self.pool.squares[:, pages])
         buffer = self.rays.light_buffer(self.frame, windows)
         depth, prim = np.asarray(buffer.depth), np.asarray(buffer.prim)
+        self.pool.bounds.note(pages, depth, prim)
         tree = self.tree
         stored = tree.depth, tree.prim
         for start in range(0, pages.size, BUCKETS[-1]):

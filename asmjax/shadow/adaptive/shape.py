@@ -27,8 +27,11 @@ ENTRY_BYTES = 2 * 4
 CAMERA_BYTES = 160
 """Room for the camera that a state remembers."""
 
-PAGE_TABLES_BYTES = 48
-"""Bytes of a page in the host's tables (`NodePool`): square, order, use and benefit."""
+PAGE_TABLES_BYTES = 56
+"""Bytes of a page in the host's tables (`NodePool`): square, order, use, benefit and bounds."""
+
+PYRAMID_BYTES = 12
+"""Bytes of a page in the `Pyramid` on the device."""
 
 START_LOG2 = 9
 """log2 of the starting resolution of the 2001 paper, 512 x 512."""
@@ -114,7 +117,7 @@ def shape_for(
     table_bytes = ENTRY_BYTES << (2 * LOG2_TABLE)
     # One more page takes the padding of writes; one more table rounds their number up.
     fixed = page_bytes + table_bytes + CAMERA_BYTES
-    per_page = page_bytes + PAGE_TABLES_BYTES + table_bytes / PAGES_PER_TABLE
+    per_page = page_bytes + PAGE_TABLES_BYTES + PYRAMID_BYTES + table_bytes / PAGES_PER_TABLE
     log2_top = 0
     while ENTRY_BYTES * (faces << 2 * (log2_top + 1)) <= memory_bytes * TOP_SHARE:
         log2_top += 1
