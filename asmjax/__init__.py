@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from asmjax.render.load import Scene, load_scene
     from asmjax.scene import list_scenes
     from asmjax.shadow import AdaptiveShadowMap, ShadowAlgorithm, Status, UniformShadowMap
+    from asmjax.walkthrough_job import Walk, measure_walkthrough, run_walkthrough
 
 _HOME = {
     "AdaptiveShadowMap": "asmjax.shadow",
@@ -33,10 +34,13 @@ _HOME = {
     "Status": "asmjax.shadow",
     "UniformShadowMap": "asmjax.shadow",
     "UseError": "asmjax.errors",
+    "Walk": "asmjax.walkthrough_job",
     "list_scenes": "asmjax.scene",
     "load_scene": "asmjax.render.load",
     "measure_scene": "asmjax.main_job",
+    "measure_walkthrough": "asmjax.walkthrough_job",
     "run_main_job": "asmjax.main_job",
+    "run_walkthrough": "asmjax.walkthrough_job",
 }
 
 __all__ = [
@@ -47,10 +51,13 @@ __all__ = [
     "Status",
     "UniformShadowMap",
     "UseError",
+    "Walk",
     "list_scenes",
     "load_scene",
     "measure_scene",
+    "measure_walkthrough",
     "run_main_job",
+    "run_walkthrough",
 ]
 
 

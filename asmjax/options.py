@@ -7,11 +7,11 @@ class that inherits the groups it needs, so notebooks and the command line use o
 
 import dataclasses
 import math
-from typing import Annotated
+from typing import Annotated, Literal, get_args
 
 from tyro.conf import Positional, arg
 
-from asmjax.errors import require
+from asmjax.errors import require, unknown_name
 
 MEGABYTE = 2**20
 """Bytes in one MB of the command line."""
@@ -42,6 +42,32 @@ class SceneOptions:
     """Light that casts the shadow: its name or id, or its index from 0."""
 
 
+Motion = Literal["camera", "light", "object", "still"]
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class WalkOptions:
+    """A walkthrough of several frames, each measured; maps keep what they can between frames."""
+
+    frames: Annotated[int | None, _named("COUNT", "a single view")] = None
+    """Number of frames to walk. A frame is 1.4 degrees or 2.5 % of the viewing distance from the
+    one before, so more frames walk further; at its end a path is walked back."""
+
+    motion: Annotated[Motion, arg(help_behavior_hint="(default: camera)")] = "camera"
+    """What moves. camera: along --keys, or the scene's own path (paper_room), or an arc of 20
+    degrees about what the view sees. light: on a small circle, 120 frames a turn. object: one
+    shape, on such a circle. still: nothing."""
+
+    keys: Annotated[
+        tuple[str, ...], _named("VIEW VIEW ...", "the scene's own path, or an arc")
+    ] = ()
+    """Named views or sensors that the camera passes through, two or more."""
+
+    object: Annotated[str | None, _named("NAME", "the finest mesh below half the scene")] = None
+    """The shape that --motion object moves: its name or id, what several names begin with
+    before a _ (robot), or its index from 0."""
+
+
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class LimitOptions:
     """What a shadow map may cost."""
@@ -58,11 +84,14 @@ class LimitOptions:
 class MapOptions:
     """How the adaptive shadow map is built."""
 
-    node_resolution: Annotated[int, arg(metavar="TEXELS")] = 16
-    """Texels along each side of a node of the tree."""
+    preset: Annotated[str, arg(metavar="NAME")] = "default"
+    """Settings of the adaptive map by name: default, or paper_2001 for the paper to the letter."""
 
-    cells: Annotated[int, arg(metavar="COUNT")] = 2
-    """Cells along each side of a node; each cell may become a child of its own."""
+    node_resolution: Annotated[int | None, _named("TEXELS", "as the preset says, 16")] = None
+    """Texels along each side of a node of the tree: 8 to 512, a power of two."""
+
+    cells: Annotated[int | None, _named("COUNT", "as the preset says, 2")] = None
+    """Cells along each side of a node, 2, 4 or 8; each cell may become a child of its own."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -87,6 +116,10 @@ class MachineOptions:
     """Mitsuba variant: llvm_ad_rgb, cuda_ad_rgb, or scalar_rgb (the same hits, about 16 times
     slower). `asmjax info` tells which is used and why."""
 
+    recalibrate: bool = False
+    """Measure again what casting texels costs, though an earlier run with the same machine, scene,
+    kind of light and variant has."""
+
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class OutputOptions:
@@ -96,7 +129,8 @@ class OutputOptions:
     """Folder for report.json and the figures."""
 
     save_arrays: bool = False
-    """Also write arrays.npz: truth, visibilities and all maps, row 0 at the top."""
+    """Also write arrays.npz: truth, visibilities and all maps, row 0 at the top. Of a walkthrough,
+    frame_0000.npz and so on, without the maps."""
 
     quiet: bool = False
     """No progress bar and no table; warnings and errors still appear."""
@@ -104,7 +138,13 @@ class OutputOptions:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class RunOptions(
-    SceneOptions, LimitOptions, MapOptions, MeasureOptions, MachineOptions, OutputOptions
+    SceneOptions,
+    WalkOptions,
+    LimitOptions,
+    MapOptions,
+    MeasureOptions,
+    MachineOptions,
+    OutputOptions,
 ):
     """Options of `asmjax run`.
 
@@ -117,11 +157,10 @@ class RunOptions(
         _at_least(1e-6, "--memory-mb", self.memory_mb, "MB")
         if self.time_limit_ms is not None:
             _at_least(1e-3, "--time-limit-ms", self.time_limit_ms, "milliseconds")
-        _at_least(1, "--node-resolution", self.node_resolution, "texels")
-        _at_least(1, "--cells", self.cells, "cell per side")
         _at_least(1, "--samples", self.samples, "ray per pixel")
         _at_least(1, "--repeats", self.repeats, "timed run")
         _at_least(0, "--seed", self.seed, "")
+        _check_walk(self)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -138,6 +177,35 @@ class InfoOptions:
 
     json: bool = False
     """Print JSON instead of text."""
+
+
+def _check_walk(options: RunOptions) -> None:
+    if options.motion not in get_args(Motion):
+        raise unknown_name("--motion", options.motion, get_args(Motion))
+    if options.frames is None:
+        for option, given in (
+            (f"--motion {options.motion}", options.motion != "camera"),
+            ("--keys", bool(options.keys)),
+            ("--object", options.object is not None),
+        ):
+            require(not given, f"{option} is for walkthroughs; say how many --frames to walk.")
+        return
+    _at_least(1, "--frames", options.frames, "frame")
+    require(
+        options.object is None or options.motion == "object",
+        f"--object names what moves, but --motion is {options.motion}; add --motion object.",
+    )
+    if not options.keys:
+        return
+    require(
+        options.motion == "camera",
+        f"--keys are the camera's, but --motion is {options.motion}; leave one of them out.",
+    )
+    require(len(options.keys) > 1, "--keys needs two views or more to walk between; name another.")
+    require(
+        options.view is None and options.sensor is None,
+        "--keys and --view or --sensor both say where the camera is; give one of them.",
+    )
 
 
 def _at_least(least: float, option: str, got: float, unit: str) -> None:

@@ -3,6 +3,7 @@
 import hashlib
 import os
 import platform
+import tempfile
 from pathlib import Path
 
 
@@ -32,6 +33,28 @@ def writable_dir(path: Path) -> Path | None:
     except OSError:
         return None
     return path if os.access(path, os.W_OK) else None
+
+
+def keep_text(path: Path, text: str) -> bool:
+    """Put `text` into the file `path`, whole or not at all; whether that was possible.
+
+    What is kept may be forgotten: no full disk and no missing right raises.
+    """
+    if writable_dir(path.parent) is None:
+        return False
+    draft = None
+    try:
+        with tempfile.NamedTemporaryFile(
+            "w", dir=path.parent, prefix=".", delete=False, encoding="utf-8"
+        ) as file:
+            draft = file.name
+            file.write(text)
+        os.replace(draft, path)
+    except OSError:
+        if draft is not None:
+            Path(draft).unlink(missing_ok=True)
+        return False
+    return True
 
 
 def folder_bytes(path: Path) -> int:

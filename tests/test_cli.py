@@ -50,7 +50,7 @@ def test_every_option_arrives():
     words = (
         "run terrain --view low --size 256 128 --sensor 1 --light sun --memory-mb 0.5 "
         "--time-limit-ms 2.5 --node-resolution 64 --cells 4 --samples 16 --repeats 1 --seed 7 "
-        "--variant scalar_rgb --out there --save-arrays --quiet"
+        "--variant scalar_rgb --recalibrate --out there --save-arrays --quiet"
     )
     wanted = RunOptions(
         scene="terrain",
@@ -66,13 +66,25 @@ def test_every_option_arrives():
         repeats=1,
         seed=7,
         variant="scalar_rgb",
+        recalibrate=True,
         out="there",
         save_arrays=True,
         quiet=True,
     )
     assert parsed(*words.split()) == wanted
-    changed = dataclasses.asdict(wanted).items() - dataclasses.asdict(RunOptions()).items()
-    assert len(changed) == len(dataclasses.fields(RunOptions)), "name the new option here too"
+    # Those of walkthroughs exclude each other, and a single view excludes them all.
+    along = RunOptions(frames=8, keys=("overview", "closeup"))
+    assert parsed(*"run paper_room --frames 8 --keys overview closeup".split()) == along
+    pushed = RunOptions(frames=8, motion="object", object="robot")
+    assert parsed(*"run --frames 8 --motion object --object robot".split()) == pushed
+    changed = {
+        field.name
+        for options in (wanted, along, pushed)
+        for field in dataclasses.fields(options)
+        if getattr(options, field.name) != getattr(RunOptions(), field.name)
+    }
+    named = {field.name for field in dataclasses.fields(RunOptions)}
+    assert changed == named, "name the new option here too"
 
 
 @pytest.mark.parametrize(
@@ -151,6 +163,25 @@ def test_command_gets_its_options(main_job):
     assert seen == [RunOptions(scene="letter_f", quiet=True)]
 
 
+def test_frames_go_to_the_walkthrough(main_job, monkeypatch):
+    """A number of frames chooses the job; neither loads the other."""
+    seen = []
+    module = types.ModuleType("asmjax.walkthrough_job")
+    vars(module)["run_walkthrough"] = seen.append
+    monkeypatch.setitem(sys.modules, "asmjax.walkthrough_job", module)
+    assert cli.main(["run", "letter_f", "--frames", "3"]) == 0
+    assert seen == [RunOptions(scene="letter_f", frames=3)]
+
+
+def test_an_interrupt_may_say_what_was_saved(capsys, main_job):
+    def interrupt(options):
+        raise KeyboardInterrupt("2 of 3 frames are in out/")
+
+    main_job.action = interrupt
+    assert cli.main(["run"]) == 130
+    assert capsys.readouterr().err == "asmjax: interrupted; 2 of 3 frames are in out/\n"
+
+
 def test_help_is_fast_and_loads_no_library():
     code = (
         "import sys; from asmjax.cli import main\n"
@@ -179,7 +210,7 @@ def test_help_explains_every_option_in_groups():
     for field in dataclasses.fields(RunOptions):
         if field.name != "scene":
             assert f"--{field.name.replace('_', '-')}" in shown
-    for group in ("scene", "limit", "map", "measure", "machine", "output"):
+    for group in ("scene", "walk", "limit", "map", "measure", "machine", "output"):
         assert f"{group} options" in shown
     for unit in ("MB (2^20 bytes)", "milliseconds", "pixels", "Texels"):
         assert unit in shown
@@ -218,6 +249,7 @@ def test_info_as_json_and_text():
     assert facts["renderer"]["variant"] in ("llvm_ad_rgb", "scalar_rgb")
     assert facts["llvm"]["usable"] is (facts["llvm"]["repair"] == "")
     assert facts["devices"]
+    assert facts["caches"]["calibrations"]["count"] >= 0
 
 
 def test_info_names_the_repair(tmp_path):
@@ -232,6 +264,7 @@ def test_info_names_the_repair(tmp_path):
     shown = {row[0]: row[1] for row in rows if len(row) == 2}
     assert shown["variant"] == "scalar_rgb" and shown["usable"] == "no"
     assert shown["repair"] == "unset DRJIT_LIBLLVM_PATH; apt-get install -y libllvm19"
+    assert shown["calibrations"] == f"{tmp_path / 'cache' / 'calibrations'}  (0 kept)"
 
 
 def test_flatten_box_drops_frame_and_help_text():

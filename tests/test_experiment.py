@@ -101,7 +101,7 @@ def test_benefit_vanishes_where_the_map_is_fine_enough():
 
 def test_sample_offsets_are_centred_distinct_and_seeded():
     """The pixel centre first, then points inside the pixel; the seed decides them."""
-    from asmjax.main_job import sample_offsets
+    from asmjax.preparation import sample_offsets
 
     offsets = sample_offsets(16, seed=3)
     assert offsets[0] == (0.0, 0.0)

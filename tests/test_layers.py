@@ -10,7 +10,7 @@ PACKAGE = Path(__file__).parents[1] / "asmjax"
 
 # Lowest first; what stands in one row may not import its neighbours either.
 LAYERS = [
-    {"errors", "paths", "numerics"},
+    {"errors", "paths", "machine", "numerics"},
     {"options"},
     {"geometry"},
     {"buffers"},
@@ -20,13 +20,22 @@ LAYERS = [
     {"metrics"},
     {"experiment"},
     {"report"},
-    {"main_job"},
+    {"preparation"},
+    {"main_job", "walkthrough_job"},
     {"cli"},
     {"__init__", "__main__"},
 ]
 RANK = {name: rank for rank, names in enumerate(LAYERS) for name in names}
 RENDER_MAY_IMPORT = {name for name, rank in RANK.items() if rank <= RANK["scene"]} - {"options"}
-MAY_IMPORT_RENDER = {"report", "main_job", "cli", "__init__", "render"}
+MAY_IMPORT_RENDER = {
+    "report",
+    "preparation",
+    "main_job",
+    "walkthrough_job",
+    "cli",
+    "__init__",
+    "render",
+}
 RENDERER = {"mitsuba", "drjit"}
 
 FILES = sorted(PACKAGE.rglob("*.py"))

@@ -103,7 +103,7 @@ def test_samples_give_fractions_and_the_seed_repeats_them(tmp_path):
 
 
 def test_one_pixel_and_a_folder_used_again(tmp_path):
-    """A single receiver has a light frame too; arrays of an earlier run do not stay behind."""
+    """A single receiver has a light frame too; files of an earlier run do not stay behind."""
     words = ["run", "letter_f", "--memory-mb", "1", "--repeats", "1", "--quiet"]
     words += ["--out", str(tmp_path)]
     assert cli.main([*words, "--size", "1", "1", "--save-arrays"]) == 0
@@ -111,8 +111,25 @@ def test_one_pixel_and_a_folder_used_again(tmp_path):
     assert report["truth"]["lit_fraction"] == 1.0
     assert fractions(report) == {"uniform": 0.0, "adaptive": 0.0, "rays": 0.0}
     assert (tmp_path / "arrays.npz").exists()
+    (tmp_path / "walkthrough.gif").touch()
     assert cli.main([*words, "--size", "8", "8"]) == 0
     assert not (tmp_path / "arrays.npz").exists()
+    assert not (tmp_path / "walkthrough.gif").exists()
+
+
+def test_the_cost_model_is_kept_and_the_report_says_so(tmp_path, monkeypatch):
+    """Measured by the first run, kept for the second with its date, measured again on request."""
+    monkeypatch.setenv("ASMJAX_CACHE_DIR", str(tmp_path / "cache"))
+    words = ["run", "letter_f", "--size", "8", "8", "--memory-mb", "1", "--repeats", "1", "--quiet"]
+    models = []
+    for more in ([], [], ["--recalibrate"]):
+        assert cli.main([*words, "--out", str(tmp_path / "out"), *more]) == 0
+        report = json.loads((tmp_path / "out" / "report.json").read_text(encoding="utf-8"))
+        models.append(report["cost_model"])
+    assert [model["kept"] for model in models] == [False, True, False]
+    assert models[1] == models[0] | {"kept": True}
+    assert models[2]["measured_at"] >= models[0]["measured_at"]
+    assert all(model["measured_at"].endswith("+00:00") for model in models)
 
 
 def scene_file(folder: Path, sensor: str = SENSOR, light: str = LIGHT) -> str:

@@ -13,7 +13,10 @@ import pytest
 
 from asmjax.report import (
     MAP_NAMES,
+    RUN_KEYS,
     RUN_SCHEMA,
+    WALKTHROUGH_KEYS,
+    WALKTHROUGH_SCHEMA,
     InvalidReport,
     comparison_table,
     csv_text,
@@ -27,7 +30,8 @@ from asmjax.report import (
     write_csv,
     write_json,
 )
-from asmjax.report.record import plain
+from asmjax.report.outputs import SINGLE_RUN, WALKTHROUGH
+from asmjax.report.record import plain, report_of_entries
 from asmjax.report.table import MAX_WIDTH, short_count
 
 DOCS = Path(__file__).parents[1] / "docs" / "report.md"
@@ -159,6 +163,64 @@ def test_what_is_wrong_is_named_by_its_path(path, value, message):
         validate_report(broken)
 
 
+def walkthrough(**changes):
+    frame = {
+        "frame": 0,
+        "eye": {"origin": (0, 0, 1), "target": (0, 0, 0), "up": (0, 1, 0), "fov_x_deg": 40.0}
+        | {"seconds": 0.01},
+        "light_position": None,
+        "light_direction": (0.0, 0.0, -1.0),
+        "light_frame_refitted": False,
+        "moved_boxes": 0,
+        "truth": report()["truth"],
+        "methods": [
+            method(seconds={"build": 0.1, "id_pass": 0.0}),
+            method("adaptive-16MB", 0.0, seconds={"id_pass": 0.001}, nodes_made=3),
+        ],
+    }
+    entries = {
+        "schema": WALKTHROUGH_SCHEMA,
+        "argv": ["asmjax", "run", "--frames", "2"],
+        "provenance": provenance("llvm_ad_rgb"),
+        "seed": 0,
+        "scene": "paper_room",
+        "view": "path of the scene",
+        "light": "sun (directional)",
+        "size": (4, 4),
+        "motion": "camera",
+        "frames_asked": 2,
+        "ended": "complete",
+        "memory_limit_bytes": 2**24,
+        "cost_model": {"a_seconds_per_texel": 1e-8, "b_seconds": 1e-4, "residual": 0.05},
+        "summary": {"first_frame": 1, "frames": 1, "methods": []},
+        "frames": [frame, frame | {"frame": 1}],
+        "notices": [],
+    }
+    return report_of_entries(**(entries | changes))
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "message"),
+    [
+        (("frames", 1, "frame"), 2, r"frames\[1\].frame: expected 1, got 2"),
+        (("frames", 0, "eye", "up"), [0, 1], r"frames\[0\].eye.up: expected three finite"),
+        (("frames", 0, "light_frame_refitted"), 0, r"frames\[0\].light_frame_refitted: expected t"),
+        (("frames", 0, "methods", 0, "seconds", "id_pass"), ..., r"frames\[0\].methods\[0\].sec"),
+        (("frames", 1, "methods", 1, "status"), ..., r"frames\[1\].methods\[1\].status: missing"),
+        (("frames", 0, "methods", 1, "name"), "uniform-2048", r"frames\[0\].methods\[1\].name: 'u"),
+        (("maps",), {}, "maps: unknown key"),
+        (("ended",), ..., "ended: missing"),
+    ],
+)
+def test_a_walkthrough_has_a_schema_of_its_own(path, value, message):
+    made = walkthrough()
+    assert made["frames"][0]["methods"][0]["seconds"]["total"] == 0.1
+    broken = copy.deepcopy(made)
+    _set(broken, path, value)
+    with pytest.raises(InvalidReport, match=f"^{message}"):
+        validate_report(broken)
+
+
 def test_optional_keys_may_be_absent():
     made = report()
     for name in MAP_NAMES:
@@ -170,16 +232,26 @@ def test_optional_keys_may_be_absent():
 
 def test_the_documentation_names_every_key():
     text = DOCS.read_text(encoding="utf-8")
-    for path, key in key_paths():
+    for path, key in key_paths(RUN_KEYS):
         *parents, name = path.split(".")
         summary = parents[:1] == ["maps"] and len(parents) == 2
         assert f"`{name if summary else path}`" in text or f"`{path}." in text, path
         assert key.means
-    assert RUN_SCHEMA in text
+    # A walkthrough's table leaves out what it has in common with a single run.
+    common = {path for path, _ in key_paths(RUN_KEYS)}
+    seconds = ("build", "analysis", "query", "id_pass", "total")
+    for path, key in key_paths(WALKTHROUGH_KEYS):
+        assert key.means
+        if path in common or path.removeprefix("frames[].") in common:
+            continue
+        if path in {f"summary.methods[].seconds.{stage}" for stage in seconds}:
+            continue
+        assert f"`{path.removesuffix('[]')}`" in text or f"`{path}." in text, path
+    assert RUN_SCHEMA in text and WALKTHROUGH_SCHEMA in text
     for name in ARRAYS:
         assert f"| `{name}` |" in text, name
-    for figure in ("shadows", "errors", "maps", "tree", "levels", "accuracy_time"):
-        assert f"`{figure}.png`" in text
+    for file in (*SINGLE_RUN, *WALKTHROUGH):
+        assert "[" in file or f"`{file}`" in text, file
 
 
 def test_a_file_is_written_whole_or_not_at_all(tmp_path, monkeypatch):

@@ -59,8 +59,10 @@ def main(arguments: list[str] | None = None) -> int:
     except UseError as problem:
         print(f"asmjax: error: {' '.join(str(problem).split())}", file=sys.stderr)
         return 2
-    except KeyboardInterrupt:
-        print("asmjax: interrupted", file=sys.stderr)
+    except KeyboardInterrupt as stop:
+        # A command that could save something says what and where.
+        saved = f"; {stop}" if str(stop) else ""
+        print(f"asmjax: interrupted{saved}", file=sys.stderr)
         return 130
     except BrokenPipeError:
         # The reader left, as `| head` does; Python would complain again when it flushes at exit.

@@ -3,6 +3,7 @@
 import importlib.metadata
 import json
 import platform
+from pathlib import Path
 from typing import Any
 
 from asmjax import paths
@@ -24,6 +25,7 @@ def collect() -> dict[str, dict[str, Any]]:
 
     from asmjax.render import llvm
     from asmjax.render.variant import choose_variant
+    from asmjax.shadow.adaptive import calibration_dir
 
     verdict = llvm.probe(refresh=True)
     caches = {
@@ -45,7 +47,8 @@ def collect() -> dict[str, dict[str, Any]]:
         "caches": {
             name: {"path": str(path), "bytes": paths.folder_bytes(path)}
             for name, path in caches.items()
-        },
+        }
+        | {"calibrations": {"path": str(calibration_dir()), "count": _count(calibration_dir())}},
     }
 
 
@@ -60,13 +63,18 @@ def _versions() -> dict[str, str | None]:
     return found
 
 
+def _count(folder: Path) -> int:
+    """Calibrations kept in `folder`; 0 where there is none."""
+    return sum(1 for _ in folder.glob("*.json"))
+
+
 def as_text(facts: dict[str, dict[str, Any]]) -> str:
     """The facts in aligned columns, one section after the other."""
     lines = []
     for section, rows in facts.items():
         lines.append(section)
         for name, value in rows.items():
-            lines.append(f"  {name:<10}{_readable(value)}")
+            lines.append(f"  {name:<14}{_readable(value)}")
     return "\n".join(lines)
 
 
@@ -76,6 +84,8 @@ def _readable(value: Any) -> str:
             return "-"
         case bool():
             return "yes" if value else "no"
+        case {"path": path, "count": count}:
+            return f"{path}  ({count} kept)"
         case {"path": path, "bytes": size}:
             return f"{path}  ({size / MEGABYTE:.1f} MB)"
         case _:

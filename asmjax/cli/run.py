@@ -1,12 +1,17 @@
-"""`asmjax run`: the main job with compiled code remembered between calls."""
+"""`asmjax run`: the main job or a walkthrough, with compiled code remembered between calls."""
 
 from asmjax.cli.caches import enable_compilation_cache
 from asmjax.options import RunOptions
 
 
 def run(options: RunOptions) -> None:
-    """Do the main job; see `asmjax.main_job`."""
+    """Measure one view, or with `--frames` a walkthrough; see `asmjax.main_job`."""
     enable_compilation_cache()
-    from asmjax.main_job import run_main_job
+    if options.frames is None:
+        from asmjax.main_job import run_main_job
 
-    run_main_job(options)
+        run_main_job(options)
+    else:
+        from asmjax.walkthrough_job import run_walkthrough
+
+        run_walkthrough(options)

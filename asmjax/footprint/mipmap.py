@@ -10,6 +10,7 @@ the exact footprint of `uv_jacobian` this shows what graphics hardware got wrong
 
 import jax
 import jax.numpy as jnp
+from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float
 
 from asmjax.buffers import Receivers, SurfacePoints
@@ -32,16 +33,16 @@ def log2_mipmap_ratio(
     camera: Camera,
     frame: LightFrame,
     receivers: Receivers,
-    resolution=1,
+    resolution: ArrayLike = 1,
     *,
-    max_anisotropy=1.0,
-    tile=1.0,
+    max_anisotropy: ArrayLike = 1.0,
+    tile: ArrayLike = 1.0,
     eight_bit: bool = False,
 ) -> Float[Array, " n"]:
     """log2 of the side of a texel / side of a pixel, as a mip-mapped texture tells it.
 
-    Stands in for `log2_linear_ratio(uv_jacobian(...), resolution)`. Not quantised, and for powers of
-    two, doubling the resolution takes off exactly 1, as there.
+    Stands in for `log2_linear_ratio(uv_jacobian(...), resolution)`. Not quantised, doubling the
+    resolution takes off exactly 1, as there.
 
     Args:
         resolution: texels per side of the light's image.
@@ -55,13 +56,16 @@ def log2_mipmap_ratio(
         (n,); `LOG2_WORST` - log2(resolution) where not facing or where the footprint is flat.
 
     Raises:
-        UseError: `max_anisotropy` below 1, or a `tile` that is not positive.
+        UseError: a plain number as `max_anisotropy` below 1, or as `tile` not above 0.
     """
     require(
-        max_anisotropy >= 1,
+        not isinstance(max_anisotropy, int | float) or max_anisotropy >= 1,
         f"max_anisotropy is {max_anisotropy}; allowed: 1 (isotropic) or more; choose 2 to 16.",
     )
-    require(tile > 0, f"tile is {tile}; allowed: a width above 0 in scene units; choose 1.")
+    require(
+        not isinstance(tile, int | float) or tile > 0,
+        f"tile is {tile}; allowed: a width above 0 in scene units; choose 1.",
+    )
     pixel, texel, known = log2_footprint_axes(points, camera, frame, receivers)
     fineness, stretch, width = (
         jnp.log2(jnp.asarray(x, points.position.dtype)) for x in (resolution, max_anisotropy, tile)
@@ -124,10 +128,10 @@ def log2_footprint_axes(
 
 
 def _scaled(rows):
-    """Two rows of arrays divided by the largest of all entries, and log2 of that; so small ones stay
-    that their squares would underflow.
+    """Two rows of arrays divided by the largest of all entries, and log2 of that.
 
-    What is made of them does not depend on the scale, so no gradient needs to flow through it.
+    Ones so small that their squares underflow stay as they are. What is made of the rows does not
+    depend on the scale, so no gradient needs to flow through it.
     """
     entries = [jnp.abs(x) for row in rows for x in row]
     largest = entries[0]

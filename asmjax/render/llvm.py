@@ -110,7 +110,7 @@ def probe(refresh: bool = False) -> Verdict:
     if not refresh and (known := _recall(record)):
         return known
     verdict = _try_in_child(library)
-    _remember(record, verdict)
+    paths.keep_text(record, json.dumps(dataclasses.asdict(verdict)))
     return verdict
 
 
@@ -151,17 +151,6 @@ def _recall(record: Path) -> Verdict | None:
         return Verdict(**json.loads(record.read_text()))
     except (OSError, ValueError, TypeError):
         return None  # absent, torn or of another version: try again
-
-
-def _remember(record: Path, verdict: Verdict) -> None:
-    if paths.writable_dir(record.parent) is None:
-        return
-    try:
-        with tempfile.NamedTemporaryFile("w", dir=record.parent, delete=False) as draft:
-            json.dump(dataclasses.asdict(verdict), draft)
-        os.replace(draft.name, record)
-    except OSError:
-        return  # a full disk must not stop a render
 
 
 def _try_in_child(library: Path | None) -> Verdict:

@@ -2,7 +2,7 @@
 
 import logging
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,11 +15,11 @@ from asmjax.render.caster import MitsubaRays
 from asmjax.render.emitters import SceneLight, read_emitters
 from asmjax.render.eye import cast_eye
 from asmjax.render.geometry import SceneGeometry, read_geometry
-from asmjax.render.sensors import read_sensors
+from asmjax.render.sensors import plugin_names, read_sensors
 from asmjax.render.truth import ShadowRays
 from asmjax.render.variant import activate
-from asmjax.scene.builtin import BUILTIN, load_builtin
-from asmjax.scene.lights import light_frame
+from asmjax.scene.builtin import BUILTIN, is_builtin, load_builtin
+from asmjax.scene.lights import kept_light_frame, light_frame
 from asmjax.scene.spec import (
     Disk,
     LightSpec,
@@ -45,6 +45,8 @@ class Scene:
         notices: what of the scene is simulated differently from what it says.
         geometry: triangles on the host.
         variant: the Mitsuba variant that casts.
+        shape_names: a name for each shape, in scene order.
+        path: key views of the scene's own walkthrough; empty where it has none.
     """
 
     name: str
@@ -53,6 +55,8 @@ class Scene:
     notices: tuple[str, ...]
     geometry: SceneGeometry
     variant: str
+    shape_names: tuple[str, ...]
+    path: tuple[ViewSpec, ...]
     _mi: Any
     _scene: Any
     _rays: MitsubaRays
@@ -103,6 +107,21 @@ class Scene:
         """The light frame that serves the eye's receivers."""
         return light_frame(self.light(light), eye, self.geometry.bounds)
 
+    def kept_light_frame(
+        self, previous: LightFrame | None, eye: EyeBuffer, light: str | int | None = None
+    ) -> LightFrame:
+        """`previous` while it serves the eye's receivers; see `asmjax.scene.lights`."""
+        return kept_light_frame(previous, self.light(light), eye, self.geometry.bounds)
+
+    def with_light(self, moved: LightSpec, light: str | int | None = None) -> "Scene":
+        """The same scene with that light in another place."""
+        old = self._light(light)
+        lights = {
+            name: replace(item, spec=moved) if item is old else item
+            for name, item in self.lights.items()
+        }
+        return replace(self, lights=lights)
+
     def shadow_rays(self, eye: EyeBuffer, frame: LightFrame, rays: MitsubaRays) -> ShadowRays:
         """One shadow ray per eye pixel: truth, and the yardstick of time."""
         return ShadowRays(self.geometry, eye, frame, rays)
@@ -124,7 +143,7 @@ def load_scene(source: str | os.PathLike | dict | SceneSpec, variant: str | None
         return _from_mitsuba(mi, "dict", _load(mi.load_dict, source, "the scene dictionary"))
     name = os.fspath(source)
     path = Path(name)
-    if name in BUILTIN:
+    if is_builtin(name):
         return _from_spec(activate(variant), load_builtin(name))
     try:
         exists, folder, file = path.exists(), path.is_dir(), path.is_file()
@@ -168,17 +187,19 @@ def _from_mitsuba(mi, name: str, scene) -> Scene:
     notices: list[str] = []
     views = read_sensors(mi, scene.sensors(), notices)
     lights = read_emitters(mi, scene, notices)
-    return _scene(mi, name, scene, views, lights, notices)
+    names = plugin_names(scene.shapes(), "shape")
+    return _scene(mi, name, scene, views, lights, notices, names)
 
 
 def _from_spec(mi, spec: SceneSpec) -> Scene:
     parts = {f"shape{i}": _mitsuba_shape(mi, shape) for i, shape in enumerate(spec.shapes)}
     scene = mi.load_dict({"type": "scene", **parts}, optimize=False)
     lights = {name: SceneLight(light) for name, light in spec.lights.items()}
-    return _scene(mi, spec.name, scene, dict(spec.views), lights, [])
+    names = [shape.name for shape in spec.shapes]
+    return _scene(mi, spec.name, scene, dict(spec.views), lights, [], names, spec.path)
 
 
-def _scene(mi, name, scene, views, lights, notices) -> Scene:
+def _scene(mi, name, scene, views, lights, notices, shape_names, path=()) -> Scene:
     for notice in notices:
         _log.warning("%s", notice)
     geometry = read_geometry(scene.shapes(), scene.bbox())
@@ -191,6 +212,8 @@ def _scene(mi, name, scene, views, lights, notices) -> Scene:
         notices=tuple(notices),
         geometry=geometry,
         variant=mi.variant(),
+        shape_names=tuple(shape_names),
+        path=tuple(path),
         _mi=mi,
         _scene=scene,
         _rays=MitsubaRays(mi, scene, list(range(len(scene.shapes()))), geometry),

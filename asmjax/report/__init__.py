@@ -3,14 +3,16 @@
 Importing this package loads neither JAX nor matplotlib.
 """
 
+from asmjax.report.keys import InvalidReport, key_paths
 from asmjax.report.provenance import provenance
 from asmjax.report.record import map_summary, method_record, run_report, write_json
 from asmjax.report.schema import (
     MAP_NAMES,
     METHOD_KINDS,
+    RUN_KEYS,
     RUN_SCHEMA,
-    InvalidReport,
-    key_paths,
+    WALKTHROUGH_KEYS,
+    WALKTHROUGH_SCHEMA,
     validate_report,
 )
 from asmjax.report.table import MB, comparison_table, csv_text, significant, write_csv
@@ -19,7 +21,10 @@ __all__ = [
     "MAP_NAMES",
     "MB",
     "METHOD_KINDS",
+    "RUN_KEYS",
     "RUN_SCHEMA",
+    "WALKTHROUGH_KEYS",
+    "WALKTHROUGH_SCHEMA",
     "InvalidReport",
     "comparison_table",
     "csv_text",

@@ -10,7 +10,8 @@ from typing import SupportsIndex
 
 import numpy as np
 
-from asmjax.report.schema import RUN_SCHEMA, InvalidReport, first_unstorable, validate_report
+from asmjax.report.keys import InvalidReport, first_unstorable
+from asmjax.report.schema import RUN_SCHEMA, validate_report
 
 
 def map_summary(values, valid) -> dict:
@@ -46,11 +47,14 @@ def method_record(
     """One entry of `methods`; units and further keys as in `asmjax.report.schema`.
 
     Args:
-        seconds: build, analysis and query; `total` is their sum unless given.
+        seconds: build, analysis and query, and id_pass in a walkthrough; `total` is their sum
+            unless given.
         error: from `asmjax.metrics.error_summary`.
         adaptive: nodes, passes, max_level and status of an adaptive method.
     """
     stages = {stage: float(seconds.get(stage, 0.0)) for stage in ("build", "analysis", "query")}
+    if "id_pass" in seconds:
+        stages["id_pass"] = float(seconds["id_pass"])
     texels = None if effective_resolution is None else index(effective_resolution)
     return {
         "name": name,
@@ -88,20 +92,46 @@ def run_report(
     Raises:
         InvalidReport: as `validate_report`.
     """
+    return report_of_entries(
+        schema=RUN_SCHEMA,
+        argv=argv,
+        provenance=provenance,
+        seed=seed,
+        scene=scene,
+        view=view,
+        light=light,
+        size=size,
+        truth=truth,
+        cost_model=cost_model,
+        maps=maps,
+        methods=methods,
+        notices=notices,
+    )
+
+
+def report_of_entries(
+    *,
+    schema: str,
+    argv: Sequence[str],
+    provenance: Mapping,
+    seed: SupportsIndex,
+    **entries,
+) -> dict:
+    """A validated report of that schema, NumPy and JAX scalars turned into plain numbers.
+
+    Args:
+        argv, provenance: as of `run_report`.
+        entries: all other keys of the schema.
+
+    Raises:
+        InvalidReport: as `validate_report`.
+    """
     report = {
-        "schema": RUN_SCHEMA,
+        "schema": schema,
         "command": shlex.join(argv),
         **provenance,
         "seed": index(seed),
-        "scene": scene,
-        "view": view,
-        "light": light,
-        "size": size,
-        "truth": truth,
-        "cost_model": cost_model,
-        "maps": maps,
-        "methods": methods,
-        "notices": notices,
+        **entries,
     }
     report = {name: plain(value) for name, value in report.items()}
     validate_report(report)

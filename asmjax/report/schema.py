@@ -1,48 +1,22 @@
-"""The schema of `report.json`, as data: the keys, their kinds, units and meanings.
+"""The schemas of `report.json`, as data: the keys, their kinds, units and meanings.
 
-The validator, the documentation test and the CSV header all read this one table. Version 1 of
-`asmjax run` is "asmjax/run/1"; a change that could break a reader raises the number.
+The validator, the documentation test and the CSV header all read these tables. Version 1 of
+`asmjax run` is "asmjax/run/1", of its walkthroughs "asmjax/walkthrough/1"; a change that could
+break a reader raises the number.
 """
 
-import math
-import re
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
 
-from asmjax.errors import UseError
+from asmjax.report.keys import InvalidReport, Key, check_keys
 
 RUN_SCHEMA = "asmjax/run/1"
+WALKTHROUGH_SCHEMA = "asmjax/walkthrough/1"
 
 METHOD_KINDS = ("uniform", "adaptive", "rays")
 """What the name of a method begins with."""
 
 MAP_NAMES = ("area_ratio", "linear_ratio", "m", "n_required", "benefit")
 """Maps of one value per eye pixel, summarised in the report and stored by `--save-arrays`."""
-
-
-class InvalidReport(UseError):
-    """A report that does not follow its schema; the message begins with the JSON path."""
-
-
-@dataclass(frozen=True)
-class Key:
-    """One key of the report.
-
-    Attributes:
-        kind: "text", "count" (integer >= 0), "integer", "number", "amount" (number >= 0),
-            "fraction" (0 to 1), "text list", "size" (two positive integers), "any object",
-            "text object" (text to text), or a mapping of further keys.
-        means: the unit and meaning, one line.
-        required: whether it must be there.
-        each: the value is a list of such mappings.
-        nullable: whether null is allowed.
-    """
-
-    kind: "str | Mapping[str, Key]"
-    means: str
-    required: bool = True
-    each: bool = False
-    nullable: bool = False
 
 
 _SUMMARY = {
@@ -70,6 +44,13 @@ _ERROR = {
     ),
 }
 
+_SECONDS = {
+    "build": Key("amount", "casting and storing texels, seconds"),
+    "analysis": Key("amount", "deciding what to refine, seconds"),
+    "query": Key("amount", "visibility of all eye pixels, seconds"),
+    "total": Key("amount", "all of it, seconds"),
+}
+
 _METHOD = {
     "name": Key("text", "begins with uniform, adaptive or rays; unique in the report"),
     "settings": Key("any object", "all settings that the method ran with"),
@@ -78,15 +59,7 @@ _METHOD = {
     ),
     "bytes": Key("count", "memory of all arrays that the method keeps, bytes"),
     "rays": Key("count", "rays cast"),
-    "seconds": Key(
-        {
-            "build": Key("amount", "casting and storing texels, seconds"),
-            "analysis": Key("amount", "deciding what to refine, seconds"),
-            "query": Key("amount", "visibility of all eye pixels, seconds"),
-            "total": Key("amount", "all of it, seconds"),
-        },
-        "wall time by stage",
-    ),
+    "seconds": Key(_SECONDS, "wall time by stage"),
     "error": Key(_ERROR, "errors against truth"),
     "nodes": Key("count", "nodes of the tree that hold texels", False),
     "passes": Key("count", "launches of light rays, the starting resolution included", False),
@@ -97,8 +70,7 @@ _METHOD = {
 ADAPTIVE_KEYS = ("nodes", "passes", "max_level", "status")
 """Keys that an adaptive method must have."""
 
-RUN_KEYS: Mapping[str, Key] = {
-    "schema": Key("text", f'"{RUN_SCHEMA}"'),
+_HEAD = {
     "command": Key("text", "the command line, quoted for a shell"),
     "versions": Key("text object", "package name to version"),
     "machine": Key(
@@ -116,24 +88,38 @@ RUN_KEYS: Mapping[str, Key] = {
     "view": Key("text", "name of the view or sensor"),
     "light": Key("text", "which light, and its type"),
     "size": Key("size", "[width, height] of the eye's image, pixels"),
-    "truth": Key(
-        {
-            "samples": Key("count", "shadow rays per pixel"),
-            "rays": Key("count", "shadow rays cast"),
-            "seconds": Key("amount", "wall time, seconds"),
-            "valid_pixels": Key("count", "pixels that see a surface"),
-            "lit_fraction": Key("fraction", "mean visibility of the valid pixels"),
-        },
-        "the ray-traced truth",
-    ),
-    "cost_model": Key(
-        {
-            "a_seconds_per_texel": Key("amount", "slope of the cost of a node, seconds/texel"),
-            "b_seconds": Key("amount", "cost of a node of no texels, seconds"),
-            "residual": Key("amount", "root-mean-square relative residual of the fit"),
-        },
-        "seconds to cast N texels: a N + b, measured on this machine",
-    ),
+}
+
+_TRUTH = Key(
+    {
+        "samples": Key("count", "shadow rays per pixel"),
+        "rays": Key("count", "shadow rays cast"),
+        "seconds": Key("amount", "wall time, seconds"),
+        "valid_pixels": Key("count", "pixels that see a surface"),
+        "lit_fraction": Key("fraction", "mean visibility of the valid pixels"),
+    },
+    "the ray-traced truth",
+)
+
+_COST_MODEL = Key(
+    {
+        "a_seconds_per_texel": Key("amount", "slope of the cost of a node, seconds/texel"),
+        "b_seconds": Key("amount", "cost of a node of no texels, seconds"),
+        "residual": Key("amount", "root-mean-square relative residual of the fit"),
+        "converged": Key("flag", "whether the fit came to rest", False),
+        "measured_at": Key("text", "when it was measured, UTC, ISO 8601", False, nullable=True),
+        "kept": Key("flag", "whether an earlier run measured it, or else this one", False),
+    },
+    "seconds to cast N texels: a N + b, measured on this machine at `measured_at`",
+)
+
+_NOTICES = Key("text list", "what the run left out or approximated, one line each")
+
+RUN_KEYS: Mapping[str, Key] = {
+    "schema": Key("text", f'"{RUN_SCHEMA}"'),
+    **_HEAD,
+    "truth": _TRUTH,
+    "cost_model": _COST_MODEL,
     "maps": Key(
         {
             "area_ratio": Key(_SUMMARY, "world area of a texel / of an eye pixel"),
@@ -145,37 +131,121 @@ RUN_KEYS: Mapping[str, Key] = {
         "summary of each map over the eye's image",
     ),
     "methods": Key(_METHOD, "one entry per method, in the order of the table", each=True),
-    "notices": Key("text list", "what the run left out or approximated, one line each"),
+    "notices": _NOTICES,
 }
 
+_NODE_COUNTS = {
+    "nodes_made": Key("count", "nodes cast in this frame", False),
+    "nodes_reused": Key("count", "nodes that were there before and were asked", False),
+    "nodes_evicted": Key("count", "nodes given up for others", False),
+    "nodes_recast": Key("count", "nodes cast again, as light or casters moved", False),
+    "nodes_dropped": Key("count", "nodes given up, as light or casters moved", False),
+}
 
-def key_paths(keys: Mapping[str, Key] = RUN_KEYS, prefix: str = "") -> Iterator[tuple[str, Key]]:
-    """All keys as (JSON path, Key), parents first; list items are written `methods[]`."""
-    for name, key in keys.items():
-        path = f"{prefix}{name}" + ("[]" if key.each else "")
-        yield path, key
-        if not isinstance(key.kind, str):
-            yield from key_paths(key.kind, f"{path}.")
+_FRAME_SECONDS = {
+    **_SECONDS,
+    "id_pass": Key("amount", "bringing the pixels' primitive ids to the device, seconds"),
+}
+
+_FRAME = {
+    "frame": Key("count", "counts from 0"),
+    "eye": Key(
+        {
+            "origin": Key("vector", "where the eye is, scene units"),
+            "target": Key("vector", "what it looks at, scene units"),
+            "up": Key("vector", "its up direction"),
+            "fov_x_deg": Key("amount", "horizontal field of view, degrees"),
+            "seconds": Key("amount", "casting the eye's image, seconds; in no method's time"),
+        },
+        "the view of this frame",
+    ),
+    "light_position": Key("vector", "scene units; null for parallel light", nullable=True),
+    "light_direction": Key("vector", "along the light; null if it has none", nullable=True),
+    "light_frame_refitted": Key("flag", "whether maps that are kept got another light frame"),
+    "moved_boxes": Key("count", "boxes that hold what moved since the frame before"),
+    "truth": _TRUTH,
+    "methods": Key(
+        {**_METHOD, "seconds": Key(_FRAME_SECONDS, "wall time by stage"), **_NODE_COUNTS},
+        "as in a single run, for this frame alone",
+        each=True,
+    ),
+}
+
+_MEDIANS = {
+    "name": Key("text", "as in the frames"),
+    "seconds": Key(_FRAME_SECONDS, "median wall time by stage"),
+    "slowest_seconds": Key("amount", "largest total, seconds"),
+    "effective_resolution": Key("count", "largest; null for ray tracing", nullable=True),
+    "bytes": Key("count", "largest, bytes"),
+    "rays": Key("amount", "median"),
+    "misclassified_fraction": Key("fraction", "median"),
+    "boundary_displacement_px": Key("amount", "median of the means, pixels"),
+    **{
+        name: Key("amount", f"median of: {key.means}", False)
+        for name, key in {"nodes": _METHOD["nodes"], **_NODE_COUNTS}.items()
+    },
+    "time_ratio": Key(
+        "amount", "adaptive map's total / this method's: median over frames", nullable=True
+    ),
+    "error_ratio": Key(
+        "amount", "adaptive map's misclassified / this method's: median", nullable=True
+    ),
+}
+
+WALKTHROUGH_KEYS: Mapping[str, Key] = {
+    "schema": Key("text", f'"{WALKTHROUGH_SCHEMA}"'),
+    **_HEAD,
+    "motion": Key("text", "what moves: camera, light, object or still"),
+    "frames_asked": Key("count", "frames that were asked for"),
+    "ended": Key("text", '"complete", or what ended it before its last frame'),
+    "memory_limit_bytes": Key("count", "what the adaptive map may use, bytes"),
+    "cost_model": _COST_MODEL,
+    "summary": Key(
+        {
+            "first_frame": Key("count", "first of the frames that it is taken over"),
+            "frames": Key("count", "how many frames these are"),
+            "methods": Key(_MEDIANS, "one entry per method", each=True),
+        },
+        "medians over all frames but the first, which builds from nothing",
+    ),
+    "frames": Key(_FRAME, "one entry per finished frame", each=True),
+    "notices": _NOTICES,
+}
+
+SCHEMAS = {RUN_SCHEMA: RUN_KEYS, WALKTHROUGH_SCHEMA: WALKTHROUGH_KEYS}
+"""The keys of each kind of report."""
 
 
 def validate_report(report: object) -> None:
-    """Check a report of `asmjax run` against `RUN_KEYS`.
+    """Check a report of `asmjax run` against the keys of its schema.
 
-    Beyond kinds: the schema is this version's, no key is unknown, numbers are finite, method
-    names are unique and of a known kind, an adaptive method has `ADAPTIVE_KEYS`, and false lit
-    and false dark add up to the misclassified.
+    Beyond kinds: the schema is one of `SCHEMAS`, no key is unknown, numbers are finite, method
+    names are unique and of a known kind, an adaptive method has `ADAPTIVE_KEYS`, false lit and
+    false dark add up to the misclassified, and frames count up.
 
     Raises:
         InvalidReport: with the JSON path of the first thing that is wrong.
     """
     if not isinstance(report, dict):
         raise InvalidReport(f"report: expected an object, got {type(report).__name__}")
-    if report.get("schema") != RUN_SCHEMA:
-        raise InvalidReport(f"schema: expected '{RUN_SCHEMA}', got {report.get('schema')!r}")
-    _check_keys(report, RUN_KEYS, "")
+    schema = report.get("schema")
+    if schema not in SCHEMAS:
+        expected = " or ".join(f"'{name}'" for name in SCHEMAS)
+        raise InvalidReport(f"schema: expected {expected}, got {schema!r}")
+    check_keys(report, SCHEMAS[schema])
+    if schema == RUN_SCHEMA:
+        _check_methods(report["methods"], "methods")
+        return
+    for i, frame in enumerate(report["frames"]):
+        if frame["frame"] != i:
+            raise InvalidReport(f"frames[{i}].frame: expected {i}, got {frame['frame']}")
+        _check_methods(frame["methods"], f"frames[{i}].methods")
+
+
+def _check_methods(methods: list, where: str) -> None:
     seen = set()
-    for i, method in enumerate(report["methods"]):
-        path, name = f"methods[{i}]", method["name"]
+    for i, method in enumerate(methods):
+        path, name = f"{where}[{i}]", method["name"]
         if not name.startswith(METHOD_KINDS):
             raise InvalidReport(
                 f"{path}.name: '{name}' must begin with one of {', '.join(METHOD_KINDS)}"
@@ -194,104 +264,3 @@ def validate_report(report: object) -> None:
                 f"{path}.error.misclassified_fraction: {error['misclassified_fraction']} is not "
                 f"false lit + false dark = {parts}"
             )
-
-
-def _check_keys(value: object, keys: Mapping[str, Key], path: str) -> None:
-    if not isinstance(value, dict):
-        raise InvalidReport(f"{path}: expected an object, got {_shown(value)}")
-    dot = f"{path}." if path else ""
-    for name in value:
-        if name not in keys:
-            raise InvalidReport(f"{dot}{name}: unknown key; known: {', '.join(keys)}")
-    for name, key in keys.items():
-        if name in value:
-            _check(value[name], key, f"{dot}{name}")
-        elif key.required:
-            raise InvalidReport(f"{dot}{name}: missing ({key.means})")
-
-
-def _check(value: object, key: Key, path: str) -> None:
-    if value is None and key.nullable:
-        return
-    if isinstance(key.kind, str):
-        problem = _problem(value, key.kind, path)
-        if problem:
-            raise InvalidReport(problem)
-    elif key.each:
-        if not isinstance(value, list):
-            raise InvalidReport(f"{path}: expected a list, got {_shown(value)}")
-        for i, item in enumerate(value):
-            _check_keys(item, key.kind, f"{path}[{i}]")
-    else:
-        _check_keys(value, key.kind, path)
-
-
-def _is_integer(value: object) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool)
-
-
-def _is_number(value: object) -> bool:
-    return _is_integer(value) or (isinstance(value, float) and math.isfinite(value))
-
-
-_KINDS = {
-    "text": ("text", lambda v: isinstance(v, str)),
-    "integer": ("an integer", _is_integer),
-    "count": ("an integer of at least 0", lambda v: _is_integer(v) and v >= 0),
-    "number": ("a finite number", _is_number),
-    "amount": ("a finite number of at least 0", lambda v: _is_number(v) and v >= 0),
-    "fraction": ("a number from 0 to 1", lambda v: _is_number(v) and 0 <= v <= 1),
-    "text list": (
-        "a list of texts",
-        lambda v: isinstance(v, list) and all(isinstance(x, str) for x in v),
-    ),
-    "size": (
-        "two positive integers",
-        lambda v: isinstance(v, list) and len(v) == 2 and all(_is_integer(x) and x > 0 for x in v),
-    ),
-    "text object": (
-        "an object of texts",
-        lambda v: isinstance(v, dict) and all(isinstance(x, str) for x in v.values()),
-    ),
-    "any object": ("an object", lambda v: isinstance(v, dict)),
-}
-
-
-def _problem(value: object, kind: str, path: str) -> str | None:
-    expected, fits = _KINDS[kind]
-    if not fits(value):
-        return f"{path}: expected {expected}, got {_shown(value)}"
-    return first_unstorable(value, path)
-
-
-def _shown(value: object) -> str:
-    text = repr(value)
-    return text if len(text) <= 60 else f"{text[:57]}..."
-
-
-def first_unstorable(value: object, path: str = "") -> str | None:
-    """What JSON cannot hold (NaN, an infinity, another type), with its path; None if nothing."""
-    if value is None or isinstance(value, str | bool) or _is_integer(value):
-        return None
-    if isinstance(value, float):
-        return None if math.isfinite(value) else f"{path}: {value} cannot be stored in JSON"
-    if isinstance(value, dict):
-        for name, item in value.items():
-            if not isinstance(name, str):
-                return f"{path}: the key {name!r} is no text"
-            problem = first_unstorable(item, _joined(path, name))
-            if problem:
-                return problem
-        return None
-    if isinstance(value, list | tuple):
-        for i, item in enumerate(value):
-            problem = first_unstorable(item, f"{path}[{i}]")
-            if problem:
-                return problem
-        return None
-    return f"{path}: a {type(value).__name__} cannot be stored in JSON"
-
-
-def _joined(path: str, name: str) -> str:
-    step = name if re.fullmatch(r"\w+", name) else repr(name)
-    return f"{path}.{step}" if path else step

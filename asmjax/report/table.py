@@ -51,8 +51,11 @@ def _decimal(value: float) -> str:
 
 
 @dataclass(frozen=True)
-class _Column:
-    """A column: the heading that it shares with its neighbours, its own, value and formats."""
+class Column:
+    """A column: the heading that it shares with its neighbours, its own, value and formats.
+
+    A `value` of None is printed as "-".
+    """
 
     group: str
     head: str
@@ -61,8 +64,9 @@ class _Column:
     csv_name: str
 
 
-def _milliseconds(stage: str) -> _Column:
-    return _Column(
+def milliseconds(stage: str) -> Column:
+    """The wall time of one stage of `seconds`."""
+    return Column(
         "milliseconds",
         stage,
         lambda method: 1e3 * method["seconds"][stage],
@@ -71,8 +75,8 @@ def _milliseconds(stage: str) -> _Column:
     )
 
 
-def _percent(kind: str, head: str) -> _Column:
-    return _Column(
+def _percent(kind: str, head: str) -> Column:
+    return Column(
         "false, % of pixels",
         head,
         lambda method: 100 * method["error"][f"{kind}_fraction"],
@@ -81,8 +85,8 @@ def _percent(kind: str, head: str) -> _Column:
     )
 
 
-def _edge(which: str) -> _Column:
-    return _Column(
+def _edge(which: str) -> Column:
+    return Column(
         "edge off, px",
         which,
         lambda method: method["error"]["boundary_displacement_px"][which],
@@ -91,18 +95,18 @@ def _edge(which: str) -> _Column:
     )
 
 
-_COLUMNS = (
-    _Column("", "method", lambda method: method["name"], str, "method"),
-    _Column(
+METHOD_COLUMNS: tuple[Column, ...] = (
+    Column("", "method", lambda method: method["name"], str, "method"),
+    Column(
         "eff. texels",
         "per side",
         lambda method: method["effective_resolution"],
         texels_a_side,
         "effective_resolution",
     ),
-    _Column("", "MB", lambda method: method["bytes"] / MB, _decimal, "megabytes"),
-    _Column("", "rays", lambda method: method["rays"], short_count, "rays"),
-    *(_milliseconds(stage) for stage in ("build", "analysis", "query", "total")),
+    Column("", "MB", lambda method: method["bytes"] / MB, _decimal, "megabytes"),
+    Column("", "rays", lambda method: method["rays"], short_count, "rays"),
+    *(milliseconds(stage) for stage in ("build", "analysis", "query", "total")),
     _percent("misclassified", "all"),
     _percent("false_lit", "lit"),
     _percent("false_dark", "dark"),
@@ -118,19 +122,24 @@ def comparison_table(methods: Sequence[Mapping]) -> str:
     pixels are all misclassified ones, the falsely lit and the falsely dark; `edge off` is the
     displacement of shadow boundaries in eye pixels.
     """
+    return table_text(METHOD_COLUMNS, methods)
+
+
+def table_text(columns: Sequence[Column], items: Sequence[Mapping]) -> str:
+    """A row for each item, at most `MAX_WIDTH` columns wide, without a last newline."""
     rows = [
-        ["-" if (v := column.value(method)) is None else column.text(v) for column in _COLUMNS]
-        for method in methods
+        ["-" if (v := column.value(item)) is None else column.text(v) for column in columns]
+        for item in items
     ]
-    heads = [column.head for column in _COLUMNS]
-    widths = [max(len(line[i]) for line in [heads, *rows]) for i in range(len(_COLUMNS))]
+    heads = [column.head for column in columns]
+    widths = [max(len(line[i]) for line in [heads, *rows]) for i in range(len(columns))]
     # A group's heading may be wider than its columns; the first of them then takes the rest.
-    spans = [(name, list(span)) for name, span in _spans()]
+    spans = [(name, list(span)) for name, span in _spans(columns)]
     for name, span in spans:
         missing = len(name) - (sum(widths[i] for i in span) + 2 * (len(span) - 1))
         widths[span[0]] += max(missing, 0)
     room = MAX_WIDTH - sum(widths[1:]) - 2 * (len(widths) - 1)
-    widths[0] = max(min(widths[0], room), len("method"))
+    widths[0] = max(min(widths[0], room), len(heads[0]))
     for row in rows:
         if len(row[0]) > widths[0]:
             row[0] = row[0][: widths[0] - 1] + "~"
@@ -142,10 +151,10 @@ def comparison_table(methods: Sequence[Mapping]) -> str:
     return "\n".join([groups.rstrip(), lines[0], rule, *lines[1:]])
 
 
-def _spans() -> list[tuple[str, range]]:
+def _spans(columns: Sequence[Column]) -> list[tuple[str, range]]:
     """Runs of columns that share a heading; a column without one stands alone."""
     spans: list[tuple[str, range]] = []
-    for i, column in enumerate(_COLUMNS):
+    for i, column in enumerate(columns):
         if spans and column.group and spans[-1][0] == column.group:
             spans[-1] = (column.group, range(spans[-1][1].start, i + 1))
         else:
@@ -168,16 +177,18 @@ def _aligned(cells: Sequence[str], widths: Sequence[int]) -> str:
     return "  ".join([first, *others]).rstrip()
 
 
-def csv_text(methods: Sequence[Mapping]) -> str:
+def csv_text(methods: Sequence[Mapping], columns: Sequence[Column] = METHOD_COLUMNS) -> str:
     """The same numbers unrounded, comma separated, with the units in the header's names."""
     buffer = io.StringIO()
     writer = csv.writer(buffer, lineterminator="\n")
-    writer.writerow(column.csv_name for column in _COLUMNS)
+    writer.writerow(column.csv_name for column in columns)
     for method in methods:
-        writer.writerow(column.value(method) for column in _COLUMNS)
+        writer.writerow(column.value(method) for column in columns)
     return buffer.getvalue()
 
 
-def write_csv(path: str | os.PathLike, methods: Sequence[Mapping]) -> None:
+def write_csv(
+    path: str | os.PathLike, methods: Sequence[Mapping], columns: Sequence[Column] = METHOD_COLUMNS
+) -> None:
     """Write `csv_text` to `path`, whole or not at all. Raises `OSError` as `open` does."""
-    write_atomic(path, csv_text(methods))
+    write_atomic(path, csv_text(methods, columns))

@@ -4,7 +4,7 @@ import importlib
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from asmjax.errors import unknown_name
+from asmjax.errors import UseError, unknown_name
 from asmjax.scene.analytic_scenes import ANALYTIC_SCENES
 from asmjax.scene.spec import SceneSpec
 
@@ -23,8 +23,12 @@ class SceneItem:
 _LARGE = {
     "paper_room": "asmjax.scene.paper_room:make_paper_room",
     "terrain": "asmjax.scene.terrain:make_terrain",
+    "surface": "asmjax.scene.surface:make_surface",
     "letter_f": "asmjax.scene.letter_f:make_letter_f",
 }
+
+SIZED = "surface"
+"""The scene that can be had at any size: its name, a colon, and a number of triangles."""
 
 # Written out, so that listing the scenes builds none of the large ones; a test compares the two.
 _ITEMS = (
@@ -41,6 +45,13 @@ _ITEMS = (
         ("ground", "aerial"),
         ("sun",),
         275_772,
+    ),
+    SceneItem(
+        "surface",
+        "rippled sand and rings, alike at every scale; any number of triangles: surface:12m",
+        ("overview", "rings", "focus"),
+        ("lamp",),
+        249_992,
     ),
     SceneItem(
         "letter_f",
@@ -73,11 +84,32 @@ BUILTIN: dict[str, Callable[[], SceneSpec]] = {
 """Factories of all built-in scenes by name."""
 
 
+def is_builtin(name: str) -> bool:
+    """Whether `name` is, or wants to be, that of a built-in scene: "surface:12m" does, too."""
+    base, colon, _ = name.partition(":")
+    return base in BUILTIN if colon else name in BUILTIN
+
+
 def load_builtin(name: str) -> SceneSpec:
-    """Build the scene called `name`; `UseError` with the nearest name if there is none."""
-    if name not in BUILTIN:
+    """Build the scene called `name`; a number of triangles after a colon sizes the one of any size.
+
+    Raises:
+        UseError: no such scene (the nearest name is suggested), a size that is no number of
+            triangles, or one after the name of a scene that has its own.
+    """
+    base, colon, size = name.partition(":")
+    if base not in BUILTIN:
         raise unknown_name("built-in scene", name, BUILTIN)
-    return BUILTIN[name]()
+    if not colon:
+        return BUILTIN[name]()
+    if base != SIZED:
+        raise UseError(
+            f"the scene '{base}' has one size, so '{name[:80]}' is none; allowed: {SIZED} with a "
+            f"number of triangles, such as {SIZED}:10k; leave ':{size[:40]}' out."
+        )
+    from asmjax.scene.surface import make_surface, parse_triangles
+
+    return make_surface(parse_triangles(size), name)
 
 
 def list_scenes() -> list[SceneItem]:

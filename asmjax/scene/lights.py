@@ -1,5 +1,7 @@
 """From a light and a view to the light frame that serves them."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from asmjax.buffers import EyeBuffer
@@ -9,11 +11,15 @@ from asmjax.geometry import (
     fitted_directional_frame,
     fitted_point_frame,
     fixed_frame,
+    in_domain,
 )
 from asmjax.scene.spec import LightSpec
 
 NEAR_FRACTION = 1e-6
 """Receivers nearer to a light than this fraction of the scene's diagonal are not lit by it."""
+
+KEPT_MARGIN = 0.25
+"""A frame that is to be kept grows by this fraction, so that the next views fit into it too."""
 
 
 def light_frame(light: LightSpec, eye: EyeBuffer, bounds: np.ndarray) -> LightFrame:
@@ -25,10 +31,51 @@ def light_frame(light: LightSpec, eye: EyeBuffer, bounds: np.ndarray) -> LightFr
     Raises:
         UseError: no visible surface faces the light.
     """
-    near = np.float64(NEAR_FRACTION * np.linalg.norm(bounds[:, 1] - bounds[:, 0]))
-    if light.kind != "directional" and light.fov_deg is not None:
+    if _is_fixed(light):
         axis = light.direction if light.direction is not None else (0.0, 0.0, -1.0)
-        return fixed_frame(light.position, axis, light.fov_deg, near, light.cutoff_deg)
+        assert light.fov_deg is not None
+        return fixed_frame(light.position, axis, light.fov_deg, _near(bounds), light.cutoff_deg)
+    return _fitted(light, _receivers(light, eye), bounds)
+
+
+def kept_light_frame(
+    previous: LightFrame | None, light: LightSpec, eye: EyeBuffer, bounds: np.ndarray
+) -> LightFrame:
+    """`previous` if it still serves: what a map keeps that outlives one view.
+
+    A frame with a fixed field of view changes with its light only. A fitted one is taken along by
+    a light that moves, and is replaced where it does not hold all receivers that face the light:
+    by one that holds them and all that it held before, grown by `KEPT_MARGIN`.
+
+    Raises:
+        UseError: as `light_frame`.
+    """
+    if _is_fixed(light):
+        return light_frame(light, eye, bounds)
+    receivers = _receivers(light, eye)
+    if previous is None:
+        return _grown(_fitted(light, receivers, bounds))
+    followed = _followed(previous, light, receivers, bounds)
+    if _holds(followed, light, receivers, bounds):
+        return followed
+    held = np.concatenate([receivers, _outline(followed, bounds)], axis=1)
+    return _grown(_fitted(light, held, bounds))
+
+
+def _is_fixed(light: LightSpec) -> bool:
+    return light.kind != "directional" and light.fov_deg is not None
+
+
+def _diagonal(bounds: np.ndarray) -> float:
+    return float(np.linalg.norm(bounds[:, 1] - bounds[:, 0]))
+
+
+def _near(bounds: np.ndarray) -> np.float64:
+    return np.float64(NEAR_FRACTION * _diagonal(bounds))
+
+
+def _receivers(light: LightSpec, eye: EyeBuffer) -> np.ndarray:
+    """World points (3, n) that the eye sees and that face the light; `UseError` without any."""
     if light.kind == "directional":
         to_light = -np.asarray(light.direction, np.float64)[:, None]
     else:
@@ -40,8 +87,66 @@ def light_frame(light: LightSpec, eye: EyeBuffer, bounds: np.ndarray) -> LightFr
             f"light '{light.name}' shines on no surface that this view sees; choose another "
             "--light or --view."
         )
+    return receivers
+
+
+def _fitted(light: LightSpec, receivers: np.ndarray, bounds: np.ndarray) -> LightFrame:
     if light.kind == "directional":
         return fitted_directional_frame(light.direction, receivers, bounds)
     return fitted_point_frame(
-        light.position, receivers, near, axis=light.direction, cutoff_deg=light.cutoff_deg
+        light.position,
+        receivers,
+        _near(bounds),
+        axis=light.direction,
+        cutoff_deg=light.cutoff_deg,
     )
+
+
+def _followed(
+    previous: LightFrame, light: LightSpec, receivers: np.ndarray, bounds: np.ndarray
+) -> LightFrame:
+    """`previous` itself while the light rests, else its rectangles at the light's new place."""
+    if light.kind == "directional":
+        now = _fitted(light, receivers, bounds)
+        if np.array_equal(now.rotation, previous.rotation):
+            return previous
+        return replace(now, corner=previous.corner, extent=previous.extent)
+    return replace(previous, origin=np.asarray(light.position, np.float64))
+
+
+def _holds(frame: LightFrame, light: LightSpec, receivers: np.ndarray, bounds: np.ndarray) -> bool:
+    """Whether every receiver that the light can reach lies in the frame, and casters before it."""
+    relative = receivers - frame.origin[:, None]
+    reached = np.linalg.norm(relative, axis=0) > frame.near
+    if light.kind == "spot":
+        reached &= frame.cone_axis @ relative > frame.cos_cutoff * np.linalg.norm(relative, axis=0)
+    rectangle = replace(frame, cos_cutoff=-1.0)
+    if not in_domain(rectangle, receivers[:, reached]).all():
+        return False
+    if frame.perspective:
+        return True
+    # Depth counts from a plane that all casters must lie behind, objects that moved among them.
+    corners = np.stack(np.meshgrid(*bounds), axis=0).reshape(3, -1)
+    return bool((frame.rotation[0, 2] @ (corners - frame.origin[:, None])).min() > 0)
+
+
+def _outline(frame: LightFrame, bounds: np.ndarray) -> np.ndarray:
+    """World points (3, n) at the corners of the frame's rectangles."""
+    u, v = np.array([0.0, 1.0, 0.0, 1.0]), np.array([0.0, 0.0, 1.0, 1.0])
+    far = _diagonal(bounds) if frame.perspective else 0.0
+    points = []
+    for face in range(frame.faces):
+        origin, direction = frame.ray(face, u, v)
+        points.append(origin + far * direction)
+    return np.concatenate(points, axis=1)
+
+
+def _grown(frame: LightFrame) -> LightFrame:
+    corner = frame.corner - 0.5 * KEPT_MARGIN * frame.extent
+    far = corner + (1 + KEPT_MARGIN) * frame.extent
+    if frame.faces > 1:
+        # Faces of a cube meet at 1; a fitted one keeps a margin of its own there.
+        least = np.minimum(frame.corner, -1.0)
+        most = np.maximum(frame.corner + frame.extent, 1.0)
+        corner, far = np.maximum(corner, least), np.minimum(far, most)
+    return replace(frame, corner=corner, extent=far - corner)

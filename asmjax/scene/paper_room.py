@@ -9,6 +9,7 @@ texel of a 2048^2 map is 10.3 mm there, of a 65,536^2 map 0.32 mm, of a 524,288^
 """
 
 import math
+from dataclasses import replace
 
 from asmjax.scene.bunny import make_bunny
 from asmjax.scene.lattice import make_lattice
@@ -30,7 +31,7 @@ _CEILING: Vector = (0.85, 0.85, 0.85)
 
 
 def make_paper_room() -> SceneSpec:
-    """The scene with its three views and its one light; metres."""
+    """The scene with its three views, its one light, and a walk past the objects; metres."""
     bunny = transform(make_bunny(), _turn(-100.0), (2.16, 3.22, 0.145))
     robot = [transform(part, _turn(-100.0), (1.10, 4.25, 0.0)) for part in make_robot()]
     lattice = transform(make_lattice(), _turn(8.0), LATTICE_FOOT)
@@ -48,6 +49,7 @@ def make_paper_room() -> SceneSpec:
         (*_room(), plinth, bunny, *robot, lattice),
         {view.name: view for view in _views()},
         {light.name: light},
+        path=_walk(),
     )
 
 
@@ -63,6 +65,18 @@ def _views() -> tuple[ViewSpec, ...]:
             "closeup", origin=(0.402, 3.375, 0.19), target=(0.306, 3.492, 0.0), fov_x_deg=33.5
         ),
         ViewSpec("macro", origin=(0.330, 3.425, 0.085), target=(0.302, 3.482, 0.0), fov_x_deg=9.8),
+    )
+
+
+def _walk() -> tuple[ViewSpec, ...]:
+    """From `overview` past the front of the objects to their left, then down to `closeup`."""
+    overview, closeup, _ = _views()
+    return (
+        overview,
+        replace(overview, origin=(0.4, -1.1, 2.0), target=(1.25, 3.9, 0.6)),
+        replace(overview, origin=(-1.5, 0.2, 1.6), target=(1.1, 3.8, 0.5)),
+        replace(overview, origin=(-0.6, 1.9, 0.9), target=(0.5, 3.55, 0.25)),
+        closeup,
     )
 
 

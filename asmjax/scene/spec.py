@@ -169,13 +169,17 @@ class LightSpec:
 
 @dataclass(frozen=True)
 class SceneSpec:
-    """A scene: shapes, named views and named lights; the first of each is the default."""
+    """A scene: shapes, named views and named lights; the first of each is the default.
+
+    `path` are the key views of a walkthrough; see `asmjax.scene.path`.
+    """
 
     name: str
     summary: str
     shapes: tuple[Shape, ...]
     views: dict[str, ViewSpec] = field(default_factory=dict)
     lights: dict[str, LightSpec] = field(default_factory=dict)
+    path: tuple[ViewSpec, ...] = ()
 
     @property
     def triangles(self) -> int:

@@ -133,12 +133,15 @@ class RunPictures:
                 return ", ".join([*sides, f"{significant(method['bytes'] / MB)} MB"])
         return ""
 
-    def shaded(self, visibility) -> np.ndarray:
-        """(height, width, 3) uint8 sRGB picture with that shadow; one exposure for all."""
-        return compose(self.direct, self.ambient, visibility, self.valid, self._exposed)
+    def shaded(self, visibility, exposed: float | None = None) -> np.ndarray:
+        """(height, width, 3) uint8 sRGB picture with that shadow; `exposed` None for this view's
+        own exposure."""
+        exposed = self.exposed if exposed is None else exposed
+        return compose(self.direct, self.ambient, visibility, self.valid, exposed)
 
     @cached_property
-    def _exposed(self) -> float:
+    def exposed(self) -> float:
+        """The exposure of this view, one for all of its shadows."""
         return exposure(self.direct, self.ambient, self.valid)
 
 

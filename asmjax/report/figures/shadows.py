@@ -3,9 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Rectangle
 
 from asmjax.metrics import boundary_edges, signed_error, surface_pairs
 from asmjax.report.figures.board import (
@@ -18,7 +16,7 @@ from asmjax.report.figures.board import (
     target_width,
 )
 from asmjax.report.figures.pictures import RunPictures
-from asmjax.report.figures.spots import Spot, best_spots, densest_spots, square_sums
+from asmjax.report.figures.spots import Spot, best_spots, densest_spots, outline, square_sums
 from asmjax.report.figures.style import SPOT_COLOURS, styled
 from asmjax.report.table import significant
 
@@ -63,7 +61,7 @@ def draw_shadows(pictures: RunPictures) -> Figure:
         board.heading(x, EDGE, width, *_titles(pictures, name))
         axes = board.image(x, top, width, height, image)
         for k, spot in enumerate(spots):
-            _outline(axes, spot, SPOT_COLOURS[k])
+            outline(axes, spot, SPOT_COLOURS[k])
             left = x + k * (inset + GAP // 2)
             detail = board.image(
                 left,
@@ -137,18 +135,3 @@ def _mixed(visibility: np.ndarray, sees: np.ndarray, side: int) -> np.ndarray:
 def _in_order(spots: list[Spot]) -> list[Spot]:
     """From left to right, so that insets stand in the order of their squares."""
     return sorted(spots, key=lambda spot: spot.column)
-
-
-def _outline(axes: Axes, spot: Spot, colour: str) -> None:
-    """A square around a spot, dark beneath its colour so that it shows on any picture."""
-    for line, shade in ((2.4, "#202020"), (1.3, colour)):
-        axes.add_patch(
-            Rectangle(
-                (spot.column - 0.5, spot.row - 0.5),
-                spot.side,
-                spot.side,
-                fill=False,
-                edgecolor=shade,
-                linewidth=line,
-            )
-        )

@@ -3,6 +3,7 @@
 import math
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -112,7 +113,9 @@ class Refiner:
 
     def rest(self) -> None:
         """Refine a view at rest until nothing is left to gain or a limit ends it."""
-        covered, turn = True, 0
+        # Turns go on from update to update: where a limit ends each after its first look, all pixels
+        # still are seen, and no page that serves one of them looks unused.
+        covered, turn = True, self.log.frame
         for stage in self._stages():
             if stage.if_uncovered and covered:
                 continue
@@ -239,6 +242,8 @@ class Refiner:
     def cast(self, pages: np.ndarray) -> None:
         """Cast the texels of pages in one launch, near ones together, and store them."""
         if pages.size == 0:
+            # Others may have been given up all the same: they must serve nobody.
+            self.tree = replace(self.tree, entries=self._entries())
             return
         began = time.perf_counter()
         pages = pages[np.argsort(self.pool.key[pages])]
@@ -257,9 +262,7 @@ class Refiner:
                 None if tree.depth is None else _padded(depth[some], bucket),
                 None if tree.prim is None else _padded(prim[some], bucket),
             )
-        # A copy: an aliased table would change under the device's hands at the next insert.
-        entries = jnp.array(self.pool.table.entries, copy=True)
-        self.tree = Tree(entries, *stored)
+        self.tree = Tree(self._entries(), *stored)
         jax.block_until_ready(self.tree)
         seconds = time.perf_counter() - began
         expected = self.cost_model.seconds(windows.texels)
@@ -270,6 +273,11 @@ class Refiner:
         self.log.build += seconds
         self.log.rays += windows.texels
         self.log.passes += 1
+
+    def _entries(self) -> jax.Array:
+        """The host's page tables on the device."""
+        # A copy: an aliased table would change under the device's hands at the next insert.
+        return jnp.array(self.pool.table.entries, copy=True)
 
     def _finish(self) -> None:
         used = self.pool.stamp[self.pool.held()] == self.log.frame

@@ -125,6 +125,9 @@ def shape_for(
     def pages_beside(log2_top: int) -> int:
         return int((memory_bytes - fixed - ENTRY_BYTES * (faces << 2 * log2_top)) // per_page)
 
+    # Pages go first where there is hardly room for one a face.
+    while log2_top > 0 and pages_beside(log2_top) < faces:
+        log2_top -= 1
     pages = pages_beside(log2_top)
     require(
         pages >= faces,

@@ -6,6 +6,7 @@ import equinox as eqx
 
 from asmjax.errors import require
 from asmjax.geometry import Camera, LightFrame
+from asmjax.shadow.adaptive.bounds import Pyramid
 from asmjax.shadow.adaptive.cost_model import CostModel
 from asmjax.shadow.adaptive.pool import NodePool
 from asmjax.shadow.adaptive.shape import TreeShape
@@ -47,11 +48,13 @@ class HostSide:
 
     Attributes:
         camera: the camera that the state was refined for last.
+        pyramid: bounds of the tree's pages, once they were asked for.
     """
 
     def __init__(self, pool: NodePool, cost_model: CostModel, log: BuildLog, camera: Camera):
         self.pool, self.cost_model, self.log, self.camera = pool, cost_model, log, camera
         self.taken = False
+        self.pyramid: Pyramid | None = None
 
     def __eq__(self, other):
         return isinstance(other, HostSide)
@@ -77,6 +80,13 @@ class AdaptiveState(eqx.Module):
     def log(self) -> BuildLog:
         self.check_owned()
         return self.host.log
+
+    def pyramid(self) -> Pyramid:
+        """Bounds of the texels of all pages; made when first asked for, then kept."""
+        self.check_owned()
+        if self.host.pyramid is None:
+            self.host.pyramid = self.host.pool.pyramid()
+        return self.host.pyramid
 
     def check_owned(self) -> None:
         """Raise `UseError` if `update` has taken this state over."""

@@ -1,0 +1,104 @@
+"""What every command that measures does first: its folder, its view, its samples, its map."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+
+from asmjax.buffers import LightRays
+from asmjax.errors import UseError, require
+from asmjax.geometry import LightFrame
+from asmjax.options import MEGABYTE, RunOptions
+from asmjax.render.load import Scene
+from asmjax.scene.spec import LightSpec, ViewSpec
+from asmjax.shadow import AdaptiveShadowMap, CostModel, preset
+from asmjax.shadow.adaptive import kept_or_measured, on_this_machine
+
+GOLDEN = (0.7548776662466927, 0.5698402909980532)
+"""Steps of the R2 sequence (Roberts 2018): evenly spread points for any number of samples."""
+
+
+def results_folder(options: RunOptions) -> Path:
+    """Where the results go. Raises `UseError` where they cannot; makes nothing yet."""
+    folder = Path(options.out or f"out/run-{Path(options.scene).stem}")
+    check_writable(folder)
+    return folder
+
+
+def make_folder(folder: Path) -> None:
+    """Make the folder of the results. Raises `UseError` where that is not possible."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as problem:
+        raise UseError(
+            f"cannot write results to '{folder}' ({problem.strerror}); choose another --out."
+        ) from problem
+
+
+def check_writable(folder: Path) -> None:
+    """Raise `UseError` if `folder` cannot be made or written to: before any work is done for it."""
+    try:
+        existing = next(path for path in (folder, *folder.absolute().parents) if path.exists())
+    except OSError as problem:
+        raise UseError(
+            f"cannot write results to '{str(folder)[:80]}' ({problem.strerror}); choose another "
+            "--out."
+        ) from problem
+    if not existing.is_dir() or not os.access(existing, os.W_OK):
+        raise UseError(
+            f"cannot write results to '{folder}': '{existing}' is not a writable folder; choose "
+            "another --out."
+        )
+
+
+def chosen_view(scene: Scene, options: RunOptions) -> ViewSpec:
+    """The view that the options name, or the first, at the size that they name.
+
+    Raises:
+        UseError: no such view, or both a view and a sensor are named.
+    """
+    require(
+        options.view is None or options.sensor is None,
+        "--view and --sensor both name what sees the scene; give one of them.",
+    )
+    return sized(scene.view(options.sensor if options.view is None else options.view), options)
+
+
+def sized(view: ViewSpec, options: RunOptions) -> ViewSpec:
+    """`view` at the size that the options name, if they do."""
+    return view if options.size is None else view.resized(*options.size)
+
+
+def adaptive_map(options: RunOptions) -> AdaptiveShadowMap:
+    """The adaptive map of the options, not calibrated yet. Raises `UseError` as its settings do."""
+    changes = {
+        name: value
+        for name in ("node_resolution", "cells")
+        if (value := getattr(options, name)) is not None
+    }
+    return preset(
+        options.preset,
+        memory_bytes=int(options.memory_mb * MEGABYTE),
+        time_limit=None if options.time_limit_ms is None else options.time_limit_ms / 1000,
+        **changes,
+    )
+
+
+def calibrated(
+    scene: Scene, light: LightSpec, rays: LightRays, frame: LightFrame, options: RunOptions
+) -> CostModel:
+    """What casting texels costs in this scene on this machine: kept from an earlier run if that
+    measured it, and if the options do not ask to measure again."""
+    geometry = scene.geometry
+    what = on_this_machine(
+        scene.name, geometry.triangles, geometry.bounds, light.kind, scene.variant
+    )
+    return kept_or_measured(rays, frame, what, recalibrate=options.recalibrate)
+
+
+def sample_offsets(samples: int, seed: int) -> list[tuple[float, float]]:
+    """Offsets (right, down) from the pixel centre in pixels: the centre, then an R2 sequence."""
+    start = np.random.default_rng(seed).random(2)
+    index = np.arange(1, samples)[:, None]
+    spread = (start + index * np.array(GOLDEN)) % 1.0 - 0.5
+    return [(0.0, 0.0), *((float(x), float(y)) for x, y in spread)]

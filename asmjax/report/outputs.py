@@ -1,0 +1,32 @@
+"""Which files belong to which kind of run: a folder holds one run, and nothing of another."""
+
+from pathlib import Path
+
+SINGLE_RUN = (
+    "methods.csv",
+    "arrays.npz",
+    "shadows.png",
+    "errors.png",
+    "maps.png",
+    "tree.png",
+    "levels.png",
+    "accuracy_time.png",
+)
+"""What a run of one view writes, beside report.json."""
+
+WALKTHROUGH = (
+    "frames.csv",
+    "frame_[0-9][0-9][0-9][0-9]*.npz",
+    "walkthrough.png",
+    "frames.png",
+    "walkthrough.gif",
+)
+"""What a walkthrough writes, beside report.json."""
+
+
+def remove(folder: Path, patterns: tuple[str, ...]) -> None:
+    """Delete the files in `folder` of those names: of an earlier run, they would not belong to
+    the report that is about to be written."""
+    for pattern in patterns:
+        for path in folder.glob(pattern):
+            path.unlink(missing_ok=True)

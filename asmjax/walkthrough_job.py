@@ -1,0 +1,213 @@
+"""`asmjax run --frames N`: a walk through a scene, every frame measured, maps kept between them."""
+
+import contextlib
+import logging
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+import numpy as np
+from tqdm import tqdm
+
+from asmjax.errors import UseError
+from asmjax.experiment import timed
+from asmjax.experiment.walkthrough import FrameInput, FrameResult, Walkthrough
+from asmjax.options import RunOptions
+from asmjax.preparation import (
+    adaptive_map,
+    calibrated,
+    chosen_view,
+    make_folder,
+    results_folder,
+    sample_offsets,
+    sized,
+)
+from asmjax.render.load import Scene, load_scene
+from asmjax.render.moving import MovingShapes
+from asmjax.report.walk_files import WalkFiles
+from asmjax.report.walk_record import COMPLETE, WalkRecord, WalkSetting
+from asmjax.report.walk_table import walkthrough_table
+from asmjax.scene.motion import OBJECT_RADIUS, circle, moved_light
+from asmjax.scene.path import CameraPath, aimed_at, orbit_keys
+from asmjax.scene.spec import ViewSpec
+
+_log = logging.getLogger("asmjax")
+
+WARM_FRAMES = 2
+"""Frames that are measured and forgotten before frame 0 counts, so that all code is compiled."""
+
+AIM_SIDE = 32
+"""Side in pixels of the image from which the distance of what a view sees is taken."""
+
+
+def run_walkthrough(options: RunOptions) -> dict:
+    """Measure the frames, write the results below `options.out`, print a table, return the report.
+
+    Whatever ends it early, the finished frames are written first.
+
+    Raises:
+        UseError: wrong options or a scene that cannot be used.
+        KeyboardInterrupt: with a message that says where the finished frames are.
+    """
+    folder = results_folder(options)
+    problem: BaseException | None = None
+    bar = tqdm(total=options.frames, disable=options.quiet or None, leave=False, unit="frame")
+    with bar:
+        bar.set_description("scene")
+        walk = Walk(options, bar.set_description)
+        make_folder(folder)
+        files = WalkFiles(walk.setting, folder, save_arrays=options.save_arrays)
+        try:
+            for result in walk.frames():
+                files.add(result)
+                bar.update()
+        except BaseException as raised:
+            problem = raised
+        done = len(files.record.frames)
+        if done == 0:
+            assert problem is not None
+            with contextlib.suppress(OSError):
+                folder.rmdir()
+            raise problem
+        bar.set_description("figures")
+        report = files.finish(COMPLETE if problem is None else _reason(problem))
+    for notice in report["notices"][len(walk.setting.notices) :]:
+        _log.warning("%s", notice)
+    if not options.quiet:
+        print(walkthrough_table(report["summary"]))
+        print(f"report and figures: {folder}/")
+    if problem is None:
+        return report
+    finished = f"the {done} finished of {walk.setting.frames} frames are in {folder}/"
+    if isinstance(problem, KeyboardInterrupt):
+        raise KeyboardInterrupt(finished) from problem
+    if isinstance(problem, UseError):
+        raise UseError(f"frame {done}: {problem} ({finished})") from problem
+    raise problem
+
+
+def measure_walkthrough(options: RunOptions) -> dict:
+    """The report of `run_walkthrough`; writes nothing. Raises as the first problem does."""
+    walk = Walk(options)
+    record = WalkRecord(walk.setting)
+    for result in walk.frames():
+        record.add(result)
+    return record.report()
+
+
+class Walk:
+    """A scene, ready to be walked through: frames are measured as they are asked for.
+
+    `for result in Walk(RunOptions(scene="paper_room", frames=8)).frames(): ...` gives a
+    `FrameResult` each, whose maps are good until the next.
+
+    Attributes:
+        setting: what is the same in all frames.
+
+    Raises:
+        UseError: wrong options or a scene that cannot be used.
+    """
+
+    def __init__(self, options: RunOptions, progress: Callable[[str], None] = lambda _: None):
+        if options.frames is None:
+            raise UseError("a walkthrough needs a number of frames; give --frames.")
+        self._options, self._progress = options, progress
+        self._scene = scene = load_scene(options.scene, options.variant)
+        self._light = scene.light(options.light)
+        self._path, name = camera_path(scene, options)
+        self._mover = MovingShapes(scene, options.object) if options.motion == "object" else None
+        self._offsets = sample_offsets(options.samples, options.seed)
+        progress("cost model")
+        first = next(self._inputs(1))
+        adaptive = adaptive_map(options)
+        adaptive.tree_shape(first.kept.faces)
+        cost_model = calibrated(scene, self._light, first.rays, first.kept, options)
+        adaptive = replace(adaptive, cost_model=cost_model)
+        self._walkthrough = Walkthrough(adaptive, options.repeats)
+        self.setting = WalkSetting(
+            scene=scene.name,
+            variant=scene.variant,
+            notices=scene.notices,
+            view=name,
+            motion=options.motion if self._mover is None else f"object ({self._mover.name})",
+            frames=options.frames,
+            adaptive=adaptive,
+            cost_model=cost_model,
+            seed=options.seed,
+        )
+
+    def frames(self) -> Iterator[FrameResult]:
+        """Warm up, then measure one frame after the other."""
+        self._progress("warm-up")
+        self._walkthrough.warm_up(self._inputs(min(WARM_FRAMES, self.setting.frames)))
+        self._progress("frames")
+        for frame in self._inputs(self.setting.frames):
+            yield self._walkthrough.measure(frame)
+
+    def _inputs(self, count: int) -> Iterator[FrameInput]:
+        """The frames as they are to be measured, from the resting scene on."""
+        scene, light, motion = self._scene, self._options.light, self._options.motion
+        low, high = scene.geometry.bounds.T
+        diagonal = float(np.linalg.norm(high - low))
+        rays, kept = None, None
+        for k in range(count):
+            view = self._path.view(k if motion == "camera" else 0)
+            moved = None
+            if motion == "light":
+                scene = scene.with_light(moved_light(self._light, k, diagonal, view.up), light)
+            elif self._mover is not None:
+                way = circle(k, OBJECT_RADIUS * self._mover.diagonal, view.up)
+                scene, moved = self._mover.at(way)
+            if rays is None or moved is not None:
+                rays = scene.light_rays(light)
+            eyes, seconds = timed(lambda scene=scene, view=view: self._eyes(scene, view))
+            before, kept = kept, scene.kept_light_frame(kept, eyes[0], light)
+            fitted = scene.light_frame(eyes[0], light)
+            yield FrameInput(
+                number=k,
+                view=view,
+                light=scene.light(light),
+                eyes=eyes,
+                eye_seconds=seconds,
+                fitted=fitted,
+                kept=kept,
+                refitted=before is not None and not np.array_equal(before.corner, kept.corner),
+                rays=rays,
+                shadow_rays=[scene.shadow_rays(eye, fitted, rays) for eye in eyes],
+                # Frame 0 builds from nothing, wherever the object was before.
+                moved=moved if k > 0 else None,
+            )
+
+    def _eyes(self, scene: Scene, view: ViewSpec) -> list:
+        return [scene.eye(view, offset) for offset in self._offsets]
+
+
+def camera_path(scene: Scene, options: RunOptions) -> tuple[CameraPath, str]:
+    """The way of the camera, and what it is in words.
+
+    Through `--keys`; else the scene's own path, unless a view is named; else an arc about what the
+    view sees. Where the camera rests, the path begins at the view.
+
+    Raises:
+        UseError: no such view, or none that sees a surface.
+    """
+    if options.keys:
+        keys = [aimed(scene, sized(scene.view(name), options)) for name in options.keys]
+        return CameraPath(keys), f"path {' - '.join(key.name for key in keys)}"
+    view = chosen_view(scene, options)
+    if options.motion != "camera":
+        return CameraPath([view]), view.name
+    if scene.path and options.view is None and options.sensor is None:
+        return CameraPath([sized(key, options) for key in scene.path]), "path of the scene"
+    return CameraPath(orbit_keys(aimed(scene, view))), f"arc from {view.name}"
+
+
+def aimed(scene: Scene, view: ViewSpec) -> ViewSpec:
+    """`view` with its target as far away as what it sees, by the median over its pixels."""
+    eye = scene.eye(view.resized(AIM_SIDE, AIM_SIDE))
+    return aimed_at(view, float(np.median(eye.depth[eye.valid])))
+
+
+def _reason(problem: BaseException) -> str:
+    if isinstance(problem, KeyboardInterrupt):
+        return "interrupted"
+    return f"{type(problem).__name__}: {problem}"
