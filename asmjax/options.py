@@ -157,6 +157,10 @@ class RunOptions(
         _at_least(1e-6, "--memory-mb", self.memory_mb, "MB")
         if self.time_limit_ms is not None:
             _at_least(1e-3, "--time-limit-ms", self.time_limit_ms, "milliseconds")
+        if self.node_resolution is not None:
+            _at_least(1, "--node-resolution", self.node_resolution, "texels")
+        if self.cells is not None:
+            _at_least(1, "--cells", self.cells, "cell per side")
         _at_least(1, "--samples", self.samples, "ray per pixel")
         _at_least(1, "--repeats", self.repeats, "timed run")
         _at_least(0, "--seed", self.seed, "")

@@ -49,7 +49,7 @@ def test_defaults():
 def test_every_option_arrives():
     words = (
         "run terrain --view low --size 256 128 --sensor 1 --light sun --memory-mb 0.5 "
-        "--time-limit-ms 2.5 --node-resolution 64 --cells 4 --samples 16 --repeats 1 --seed 7 "
+        "--time-limit-ms 2.5 --node-resolution 64 --cells 4 --preset paper_2001 --samples 16 --repeats 1 --seed 7 "
         "--variant scalar_rgb --recalibrate --out there --save-arrays --quiet"
     )
     wanted = RunOptions(
@@ -62,6 +62,7 @@ def test_every_option_arrives():
         time_limit_ms=2.5,
         node_resolution=64,
         cells=4,
+        preset="paper_2001",
         samples=16,
         repeats=1,
         seed=7,
