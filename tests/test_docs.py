@@ -5,6 +5,7 @@ import runpy
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from asmjax.shadow import ALGORITHMS
@@ -28,7 +29,7 @@ def test_every_algorithm_has_a_row_in_the_table_of_choice(family):
     assert str(algorithm.__name__).lower().startswith(family)
 
 
-@pytest.mark.parametrize("folder", ["notebooks", "experiments"])
+@pytest.mark.parametrize("folder", ["notebooks", "experiments", "analysis"])
 def test_every_script_has_a_row_in_its_readme(folder):
     """A folder's README lists each of its scripts, and nothing that is not there."""
     text = (ROOT / folder / "README.md").read_text(encoding="utf-8")
@@ -59,6 +60,37 @@ def test_experiment_finds_first_order_convergence(capsys, monkeypatch):
     slopes = [float(row.split()[1]) for row in rows]
     assert len(slopes) == 2
     assert all(-1.6 < slope < -0.7 for slope in slopes)
+
+
+@pytest.mark.mitsuba
+def test_experiment_finds_what_mip_maps_get_wrong(capsys, monkeypatch):
+    """Filtering a stretch of 2 halves the overview's error; reading alone stays within 6.15 %."""
+    script = ROOT / "experiments/mip_map_areas.py"
+    monkeypatch.setattr(sys, "argv", [str(script), "--smoke"])
+    runpy.run_path(str(script), run_name="__main__")
+    rows = [row for row in capsys.readouterr().out.splitlines() if row.startswith("overview")]
+    reading, isotropic, twofold, *_ = (float(row.split()[-2]) for row in rows)
+    assert reading < np.log2(1.0615)
+    assert twofold < 0.6 * isotropic
+
+
+def test_kernel_times_are_a_table_with_a_column_for_each_device(tmp_path, monkeypatch):
+    """The page names the device, and says so where there is no GPU; the one in docs/ is such a
+    page."""
+    import jax
+
+    script = ROOT / "analysis/kernel_times.py"
+    monkeypatch.setattr(sys, "argv", [str(script), "--quick", "--out", str(tmp_path)])
+    runpy.run_path(str(script), run_name="__main__")
+    pages = [
+        path.read_text(encoding="utf-8")
+        for path in (tmp_path / "benchmarks.md", ROOT / "docs/benchmarks.md")
+    ]
+    heads = [line for page in pages for line in page.splitlines() if line.startswith("| kernel")]
+    assert len(heads) == 2 and all("CPU: " in head for head in heads)
+    assert ("no column for a GPU" in pages[0]) is (jax.default_backend() != "gpu")
+    for page in pages:
+        assert "| project + footprint |" in page and "| visibility |" in page
 
 
 def test_readme_names_existing_files():

@@ -53,7 +53,7 @@ MEASURES = {
     "axis": _axis,
     "area": _area,
     "mipmap": log2_mipmap_ratio,
-    "mipmap_anisotropic": partial(log2_mipmap_ratio, max_anisotropy=16.0),
+    "mipmap_anisotropic": partial(log2_mipmap_ratio, max_anisotropy=2.0),
 }
 """What the size of a texel beside a pixel means: functions of points, camera, frame and receivers
 that give log2 of it for one texel per face side, (n,)."""
