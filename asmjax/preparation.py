@@ -20,7 +20,10 @@ GOLDEN = (0.7548776662466927, 0.5698402909980532)
 
 def results_folder(options: RunOptions) -> Path:
     """Where the results go. Raises `UseError` where they cannot; makes nothing yet."""
-    folder = Path(options.out or f"out/run-{Path(options.scene).stem}")
+    scene = Path(options.scene)
+    # "surface:2.5m" has no suffix to cut off, and a colon does not suit every file system.
+    name = scene.stem if scene.suffix.lower() == ".xml" else scene.name.replace(":", "-")
+    folder = Path(options.out or f"out/run-{name}")
     check_writable(folder)
     return folder
 

@@ -1,7 +1,7 @@
 """Where a receiver lies in the light's image, to a thousandth of a texel at 2^22 texels a side.
 
 float32 image coordinates have 24 bits: one texel of a map of 2^22 is four roundings. Here they are
-formed in pairs of floats, "high" and "low" part, from an anchor that the host computes in float64
+formed in float64 from float32 positions relative to the eye and an anchor that the host computes
 (docs/theory.md, "Addresses"), and become fixed-point integers of `BITS` fractional bits once; node,
 cell and texel indices at any power-of-two resolution are then shifts of the same integer, so a
 point on a border belongs to one node only, at whatever level it is asked.
@@ -16,6 +16,7 @@ from jaxtyping import Array, Float, Int
 
 from asmjax.buffers import Receivers, SurfacePoints
 from asmjax.geometry import LightFrame
+from asmjax.numerics import dot
 
 BITS = 30
 """Fractional bits of a fixed-point image coordinate: 2^30 steps per face side."""
@@ -23,15 +24,12 @@ BITS = 30
 DEEPEST_LOG2 = 24
 """log2 of the finest effective resolution: the renderer's float32 ray directions have 24 bits."""
 
-_UPPER_HALF = np.int32(-4096)
-"""Keeps 12 of float32's 24 significant bits: the product of two such halves is exact."""
-
 
 class Anchor(eqx.Module):
-    """The map from positions to image coordinates, u = row_u(p) / row_w(p), in two parts a number.
+    """The map from positions to image coordinates, u = row_u(p) / row_w(p).
 
     Each row is a base, its value at the points' origin, and three weights. `high` + `low` is the
-    float64 number; weights in `high` have 12 bits.
+    float64 number: JAX takes float32 arguments, unless told otherwise.
 
     Attributes:
         high, low: (3, 4, faces): rows u, v, w; base and weights of x, y, z. For parallel light the
@@ -64,99 +62,74 @@ def anchor(points: SurfacePoints, frame: LightFrame) -> Anchor:
     if points.position.dtype == jnp.float64 or not concrete:
         return Anchor(exact, xp.zeros_like(exact))
     high = exact.astype(np.float32)
-    weights = np.ascontiguousarray(high[:, 1:]).view(np.int32) & _UPPER_HALF
-    high[:, 1:] = weights.view(np.float32)
     return Anchor(high, (exact - high).astype(np.float32))
 
 
 class Address(eqx.Module):
     """Fixed-point image coordinates and what is left below their last bit.
 
+    Four arrays and not two: stacked, XLA's CPU backend takes twice as long for a lookup.
+
     Attributes:
-        at: (2, n) int32 from 0 to 2^30 - 1.
-        rest: (2, n) in [0, 1), in units of 2^-30.
+        x, y: (n,) int32 from 0 to 2^30 - 1: columns and rows.
+        rest_x, rest_y: (n,) in [0, 1), in units of 2^-30.
     """
 
-    at: Int[Array, "2 n"]
-    rest: Float[Array, "2 n"]
+    x: Int[Array, " n"]
+    y: Int[Array, " n"]
+    rest_x: Float[Array, " n"]
+    rest_y: Float[Array, " n"]
+
+    @property
+    def at(self) -> Int[Array, "2 n"]:
+        return jnp.stack([self.x, self.y])
+
+    @property
+    def rest(self) -> Float[Array, "2 n"]:
+        return jnp.stack([self.rest_x, self.rest_y])
 
 
 def address_of(points: SurfacePoints, anchor: Anchor, receivers: Receivers, perspective: bool):
     """The `Address` of each receiver; the middle of the image where it does not face the light."""
-    rows = _rows(points.position, anchor, receivers.face)
-    facing = receivers.facing
-    if perspective:
-        rows = [_quotient(row, rows[2], facing) for row in rows[:2]]
-    addresses = [_fixed_point(*row, facing) for row in rows[:2]]
-    at, rest = zip(*addresses, strict=True)
-    return Address(jnp.stack(at), jnp.stack(rest))
+    dtype, facing = points.position.dtype, receivers.facing
+    # In float64 whatever the caller computes in: half the time of pairs of float32, and simpler.
+    with jax.enable_x64(True):
+        position = [_double(x) for x in points.position]
+        table = _double(anchor.high) + _double(anchor.low)
+
+        def row(k):
+            base, *weights = (_of_face(table[k, j], receivers.face) for j in range(4))
+            return base + dot(weights, position)
+
+        scale = jnp.float64(2.0**BITS)
+        if perspective:
+            scale = scale / jnp.where(facing, row(2), 1)
+        # Computed once: XLA's CPU backend would form it anew for everything made of it.
+        scaled = jax.lax.optimization_barrier([row(k) * scale for k in range(2)])
+        (x, rest_x), (y, rest_y) = (_fixed_point(along, facing) for along in scaled)
+    rests = (_below_1(rest.astype(dtype)) for rest in (rest_x, rest_y))
+    return Address(x, y, *rests)
 
 
-def _rows(position, anchor: Anchor, face):
-    """The three linear forms at each point, as pairs (high, low) of (n,)."""
-    dtype = position.dtype
-    parts = [_halves(x) for x in position]
-    rows = []
-    for k in range(3):
-        high, low = (
-            [_of_face(jnp.asarray(table, dtype)[k, j], face) for j in range(4)]
-            for table in (anchor.high, anchor.low)
-        )
-        total, rest = high[0] * jnp.ones_like(position[0]), low[0]
-        for j, (x, (upper, lower)) in enumerate(zip(position, parts, strict=True), start=1):
-            total, lost = _two_sum(total, high[j] * upper)
-            rest = rest + (lost + (high[j] * lower + low[j] * x))
-        rows.append(_two_sum(total, rest))
-    return rows
+def _below_1(x):
+    return jnp.minimum(x, 1 - jnp.finfo(x.dtype).epsneg)
+
+
+def _double(x):
+    return jax.lax.convert_element_type(x, jnp.float64)
 
 
 def _of_face(values, face):
     return values[0] if values.shape[0] == 1 else values[face]
 
 
-def _halves(x):
-    """Upper half of each number's bits, and the rest; float64 is precise enough whole."""
-    if x.dtype != jnp.float32:
-        return x, jnp.zeros_like(x)
-    bits = jax.lax.bitcast_convert_type(x, jnp.int32) & _UPPER_HALF
-    upper = jax.lax.bitcast_convert_type(bits, jnp.float32)
-    return upper, x - upper
-
-
-def _two_sum(a, b):
-    """a + b rounded, and what the rounding lost (Knuth)."""
-    total = a + b
-    b_part = total - a
-    return total, (a - (total - b_part)) + (b - b_part)
-
-
-def _quotient(a, b, where):
-    """a / b of two pairs: a float quotient, and the remainder that it leaves divided once more."""
-    (a_high, a_low), (b_high, b_low) = a, b
-    b_high = jnp.where(where, b_high, 1)
-    a_high, a_low = jnp.where(where, a_high, 0.5), jnp.where(where, a_low, 0)
-    quotient = a_high / b_high
-    product = quotient * b_high
-    (q_up, q_lo), (b_up, b_lo) = _halves(quotient), _halves(b_high)
-    if quotient.dtype == jnp.float32:
-        lost = ((q_up * b_up - product) + q_up * b_lo + q_lo * b_up) + q_lo * b_lo
-    else:
-        lost = jnp.zeros_like(product)
-    remainder = ((a_high - product) - lost) + (a_low - quotient * b_low)
-    return quotient, remainder / b_high
-
-
-def _fixed_point(high, low, facing):
-    """Floor of (high + low) * 2^30 as int32, clamped into the image, and the fraction below it."""
-    scale = jnp.asarray(2.0**BITS, high.dtype)
-    high, low = jnp.where(facing, high, 0.5) * scale, jnp.where(facing, low, 0) * scale
-    whole = jnp.floor(jnp.clip(high, 0, scale))
-    fraction = (high - whole) + low
-    carry = jnp.floor(fraction)
-    # The upper limit in integers: float32 has no number between 2^30 - 64 and 2^30.
-    at = whole.astype(jnp.int32) + jnp.clip(carry, -(2.0**24), 2.0**24).astype(jnp.int32)
-    inside = (at >= 0) & (at < 1 << BITS)
-    return jnp.clip(at, 0, (1 << BITS) - 1), jnp.where(inside, fraction - carry, 0)
+def _fixed_point(scaled, facing):
+    """Whole part of a number as int32, clamped into the image, and the fraction below it."""
+    scaled = jnp.where(facing, scaled, 0.5 * 2.0**BITS)
+    whole = jnp.floor(scaled)
+    inside = (whole >= 0) & (whole < 2.0**BITS)
+    at = jnp.clip(whole, 0, 2.0**BITS - 1)
+    return jax.lax.convert_element_type(at, jnp.int32), jnp.where(inside, scaled - whole, 0)
 
 
 def index_at(at: Int[Array, "..."], log2_resolution) -> Int[Array, "..."]:
@@ -165,13 +138,19 @@ def index_at(at: Int[Array, "..."], log2_resolution) -> Int[Array, "..."]:
 
 
 def centre_offset(
-    address: Address, index: Int[Array, "2 n"], log2_resolution
+    address: Address,
+    index: tuple[Int[Array, " n"], Int[Array, " n"]] | Int[Array, "2 n"],
+    log2_resolution,
 ) -> Float[Array, "2 n"]:
     """Image offset (du, dv) from each receiver to the centre of texel `index`.
 
     The difference is formed in integers: no digits cancel, at any level.
     """
     shift = BITS - log2_resolution
-    centre = (index << shift) + (1 << (shift - 1))
-    dtype = address.rest.dtype
-    return ((centre - address.at).astype(dtype) - address.rest) * (2.0**-BITS)
+    parts = zip(index, (address.x, address.y), (address.rest_x, address.rest_y), strict=True)
+    return jnp.stack(
+        [
+            (((i << shift) + (1 << (shift - 1)) - at).astype(rest.dtype) - rest) * (2.0**-BITS)
+            for i, at, rest in parts
+        ]
+    )

@@ -141,6 +141,7 @@ class AdaptiveShadowMap(ShadowAlgorithm[AdaptiveState]):
         known = replace(self, cost_model=state.host.cost_model)
         shape = self.tree_shape(frame.faces)
         if shape != state.shape:
+            state.host.taken = True
             return known.build(view, frame, rays)
         start = time.perf_counter()
         host = state.host

@@ -19,31 +19,30 @@ all bounds are widened by what rounding can do.
 """
 
 import functools
-from collections.abc import Sequence
 from functools import partial
 from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int8
+from jaxtyping import Array, Bool, Float, Int, Int8
 
-from asmjax.buffers import EyeBuffer, Receivers, SurfacePoints, light_offset, project
+from asmjax.buffers import (
+    Receivers,
+    SurfacePoints,
+    light_offset,
+    project,
+)
 from asmjax.buffers.points import SEEN_STEPS
-from asmjax.errors import require
-from asmjax.geometry import Camera
 from asmjax.numerics import LEAST_DEPTH, dot
 from asmjax.shadow.adaptive.address import BITS, address_of, anchor
 from asmjax.shadow.adaptive.asm import AdaptiveShadowMap
 from asmjax.shadow.adaptive.bounds import Pyramid
 from asmjax.shadow.adaptive.page_table import find_entries, level_of, page_of, take
+from asmjax.shadow.adaptive.planar_blocks import SIDE, Blocks
 from asmjax.shadow.adaptive.shape import TreeShape
 from asmjax.shadow.adaptive.state import AdaptiveState
 from asmjax.shadow.comparison import CURVATURE_BIAS, pack_prim
-
-SIDE = 8
-"""Pixels a side of a block: of 4, 8 and 16 the one that is quickest (docs/benchmarks.md)."""
 
 ROUNDINGS = 16
 """Roundings of a position's size by which it may be off in the kernels; some four are found."""
@@ -51,260 +50,141 @@ ROUNDINGS = 16
 STEEPEST = 1e-3
 """Blocks of a smaller cosine between normal and light ray are left to the pixels."""
 
-FARTHEST_CORNER = 4.0
-"""Blocks with a corner so many times as far from the eye as its first pixel are left to the pixels:
-their plane is seen nearly edge-on."""
-
-TAPS = 3
-"""Places a side of a block's rectangle under which pages are looked for."""
+PLACES = 3
+"""Points a side of a block's rectangle at which pages are looked up."""
 
 OPEN, LIT, DARK = 0, 1, 2
 """What is known of a block: nothing, all pixels are lit, all pixels are dark."""
 
 
-class Blocks(NamedTuple):
-    """An eye's image in blocks, whatever the light; see `blocks_of`.
-
-    Attributes:
-        samples: the surface points of each sample, block by block and row by row in each, images
-            filled up to whole blocks with points that are not valid.
-        corners: (3, 4 * blocks) of the blocks' quadrilaterals, corner by corner; not valid where a
-            block is not planar.
-        off: (blocks,) how far pixels may lie from their block's quadrilateral, scene units.
-        seen: (blocks,) whether a pixel of the block is valid in any sample.
-        size: (height, width) of the image.
-    """
-
-    samples: tuple[SurfacePoints, ...]
-    corners: SurfacePoints
-    off: Float[Array, " blocks"]
-    seen: np.ndarray
-    size: tuple[int, int]
-
-    @property
-    def count(self) -> int:
-        return self.seen.size
-
-
-def blocks_of(*eyes: EyeBuffer) -> Blocks:
-    """The blocks of an image; more `eyes` are further samples of the same pixels.
-
-    Raises:
-        UseError: no eyes, eyes of different cameras, or points that lie outside their pixels.
-    """
-    require(len(eyes) > 0, "no eye was given; allowed: one or more samples of one camera's image.")
-    camera, size = eyes[0].camera, eyes[0].size
-    require(
-        all(eye.size == size and eqx.tree_equal(eye.camera, camera) for eye in eyes),
-        "the eyes have different cameras; allowed: samples of one camera's image.",
-    )
-    samples = tuple(_in_blocks(eye) for eye in eyes)
-    first = np.asarray(samples[0].prim).reshape(-1, SIDE * SIDE)
-    own = first[:, 0]
-    planar = own >= 0
-    seen = np.zeros(own.size, bool)
-    for sample in samples:
-        prim = np.asarray(sample.prim).reshape(first.shape)
-        planar &= (prim == own[:, None]).all(axis=1)
-        seen |= np.asarray(sample.valid).reshape(first.shape).any(axis=1)
-    which = np.flatnonzero(planar)
-    corners, good, off = _corners(camera, eyes, samples, which)
-    planar[which[~good]] = False
-    normal = np.asarray(samples[0].normal)[:, :: SIDE * SIDE]
-    dtype = samples[0].position.dtype
-    everywhere = np.zeros((3, 4, own.size))
-    everywhere[:, :, which] = np.where(good, corners, 0.0)
-    reach = np.zeros(own.size)
-    reach[which] = np.where(good, off, 0.0)
-    return Blocks(
-        samples,
-        SurfacePoints(
-            position=jnp.asarray(everywhere.reshape(3, -1), dtype),
-            normal=jnp.asarray(np.tile(normal, 4)),
-            prim=jnp.asarray(np.tile(own, 4)),
-            valid=jnp.asarray(np.tile(planar, 4)),
-            origin=camera.origin,
-        ),
-        jnp.asarray(reach, dtype),
-        seen,
-        size,
-    )
-
-
 def visibility_by_blocks(
     algorithm: AdaptiveShadowMap, state: AdaptiveState, blocks: Blocks
 ) -> np.ndarray:
-    """Visibility (samples, n) of all pixels, as `algorithm.visibility` finds it; 0 where not valid.
+    """Visibility (samples, n) of all pixels as `algorithm.visibility` finds it; 0 where not valid.
 
     Raises:
         UseError: `update` has taken the state over.
     """
-    known = np.asarray(decided(algorithm, state, blocks))
-    left = np.flatnonzero((known == OPEN) & blocks.seen).astype(np.int32)
-    # Whole eighths of the image, so that few shapes are ever traced.
-    step = -(-blocks.count // SEEN_STEPS)
-    padded = np.zeros(min(step * -(-left.size // step), blocks.count), np.int32)
-    padded[: left.size] = left
-    result = []
-    for points in blocks.samples:
-        image = np.zeros((blocks.count, SIDE * SIDE), points.position.dtype)
-        image[known == LIT] = 1
-        if left.size and padded.size == blocks.count:
-            lit = np.asarray(algorithm.visibility(state, points)).reshape(image.shape)
-            image[left] = lit[left]
-        elif left.size:
-            lit = algorithm.visibility(state, _chosen(points, padded))
-            image[left] = np.asarray(lit).reshape(-1, SIDE * SIDE)[: left.size]
-        result.append(_by_rows(image, blocks.size))
-    return np.stack(result)
+    known = np.asarray(decided(algorithm, state, blocks)).reshape(blocks.planar.shape)
+    if not known.any():
+        return np.stack([s.image(algorithm.visibility(state, s.points)) for s in blocks.seen])
+    rows, columns = blocks.planar.shape
+    image = np.full(blocks.eyes[0].size, OPEN, np.int8)
+    image[: SIDE * rows, : SIDE * columns] = np.repeat(np.repeat(known, SIDE, 0), SIDE, 1)
+    known = image.reshape(-1)
+    step, is_open = -(-known.size // SEEN_STEPS), known == OPEN
+    lit = (known == LIT).astype(blocks.corners.position.dtype)
+    result = np.empty((len(blocks.eyes), known.size), lit.dtype)
+    for eye, seen, visibility in zip(blocks.eyes, blocks.seen, result, strict=True):
+        left = np.flatnonzero(is_open & eye.valid).astype(np.int32)
+        # Whole eighths of the image, as those of `seen`, so that no new shapes are traced.
+        padded = step * -(-left.size // step)
+        if padded >= seen.points.count:
+            visibility[:] = seen.image(algorithm.visibility(state, seen.points))
+            continue
+        visibility[:] = lit
+        if left.size:
+            index = np.zeros(padded, np.int32)
+            index[: left.size] = left
+            found = algorithm.visibility(state, _chosen(eye.points, index))
+            visibility[left] = np.asarray(found)[: left.size]
+    return result
 
 
 def decided(
     algorithm: AdaptiveShadowMap, state: AdaptiveState, blocks: Blocks
-) -> Int8[Array, " blocks"]:
+) -> np.ndarray | Int8[Array, " blocks"]:
     """What is known of each block: `LIT`, `DARK` or `OPEN`."""
+    state.check_owned()
+    if blocks.planar.sum() * SIDE**2 * SEEN_STEPS < blocks.eyes[0].valid.sum():
+        # So few spare no step of the pixels that are left.
+        return np.full(blocks.planar.size, OPEN, np.int8)
     corners, frame = blocks.corners, state.frame
-    return _decided(
-        state.pyramid(), state.tree.entries, corners, blocks.off, frame,
-        light_offset(corners, frame), anchor(corners, frame), algorithm.bias,
+    offset = light_offset(corners, frame)
+    # Two calls: as one, XLA computes the addresses once for each of their uses.
+    facing = _facing(corners, blocks.off, frame, offset, anchor(corners, frame))
+    return _verdict(
+        state.pyramid(), state.tree.entries, corners.prim, facing, algorithm.bias,
         shape=state.shape, depths=state.tree.depth is not None, ids=state.tree.prim is not None,
+        perspective=frame.perspective,
     )  # fmt: skip
 
 
 def _chosen(points: SurfacePoints, index) -> SurfacePoints:
-    """The points of some blocks."""
     arrays = points.position, points.normal, points.prim, points.valid
     # The origin stays out of it: it is float64, whatever JAX's precision.
-    return SurfacePoints(*_rows(arrays, index), origin=points.origin)
+    return SurfacePoints(*_taken(arrays, index), origin=points.origin)
 
 
 @jax.jit
-def _rows(arrays, index):
-    """Whole rows are copied, which is quick."""
-
-    def taken(a):
-        return take(a.reshape(-1, SIDE * SIDE), index).reshape(-1)
-
-    return [jnp.stack([taken(x) for x in a]) if a.ndim == 2 else taken(a) for a in arrays]
+def _taken(arrays, index):
+    return [jnp.stack([take(x, index) for x in a]) if a.ndim == 2 else take(a, index)
+            for a in arrays]  # fmt: skip
 
 
-def _padded_size(size: tuple[int, int]) -> tuple[int, int]:
-    return -(-size[0] // SIDE) * SIDE, -(-size[1] // SIDE) * SIDE
+class _Facing(NamedTuple):
+    """Blocks in a light's image: four corners and what bounds all points between them.
 
-
-def _in_blocks(eye: EyeBuffer) -> SurfacePoints:
-    height, width = _padded_size(eye.size)
-    missing = height - eye.size[0], width - eye.size[1]
-
-    def in_blocks(a, fill=0):
-        a = np.asarray(a)
-        lead = a.shape[:-1]
-        a = a.reshape(*lead, *eye.size)
-        if any(missing):
-            beside = [(0, 0)] * len(lead) + [(0, missing[0]), (0, missing[1])]
-            a = np.pad(a, beside, constant_values=fill)
-        a = a.reshape(*lead, height // SIDE, SIDE, width // SIDE, SIDE)
-        return jnp.asarray(a.swapaxes(-3, -2).reshape(*lead, -1))
-
-    points = eye.points
-    return SurfacePoints(
-        position=in_blocks(points.position),
-        normal=in_blocks(points.normal),
-        prim=in_blocks(points.prim, -1),
-        valid=in_blocks(points.valid),
-        origin=points.origin,
-    )
-
-
-def _by_rows(image: np.ndarray, size: tuple[int, int]) -> np.ndarray:
-    height, width = _padded_size(size)
-    image = image.reshape(height // SIDE, width // SIDE, SIDE, SIDE).swapaxes(1, 2)
-    return image.reshape(height, width)[: size[0], : size[1]].reshape(-1)
-
-
-def _corners(camera: Camera, eyes: Sequence[EyeBuffer], samples, which: np.ndarray):
-    """Corners (3, 4, k) of the quadrilaterals of the blocks `which` (k,) relative to the camera's
-    origin, whether each is sound (k,), and how far at most the block's points are off it (k,).
-
-    Through a pinhole the pixels of a plane lie within the quadrilateral of the rays around them.
+    Attributes:
+        depth, slope, secant, reach: as in `Receivers`, per corner.
+        at: (2, 4 * blocks) fixed-point coordinates of the corners.
+        face: (blocks,).
+        low, high: (2, blocks) lowest and highest fixed-point coordinates.
+        error: (blocks,) scene units by which computed points may be off.
+        usable: (blocks,) whether every point faces the light, in its domain and on one face.
+        back: (blocks,) whether every point turns its back on the light.
     """
-    wide = _padded_size(eyes[0].size)[1] // SIDE
-    row, column = (SIDE * a for a in np.divmod(which, wide))
-    # Where in their pixels the samples lie: first and last column and row of each block.
-    low, high = np.full(2, np.inf), np.full(2, -np.inf)
-    first = None
-    for eye in eyes:
-        for step in (0, SIDE - 1):
-            pixel = (row + step) * eye.size[1] + column + step
-            relative = eye.world[:, pixel] - camera.origin[:, None]
-            first = (relative, eye.normal[:, pixel]) if first is None else first
-            x, y, z = camera.rotation @ relative
-            at = np.stack([x / z, y / z]) * camera.focal[:, None] + camera.principal[:, None]
-            at -= np.stack([column, row]) + step
-            if at.size:
-                require(
-                    bool((at > -1e-3).all() and (at < 1 + 1e-3).all()),
-                    "points lie outside their pixels; allowed: the image of the eye's own camera, "
-                    "row by row, samples at most half a pixel from the centres.",
-                )
-            low = np.minimum(low, at.min(axis=1, initial=np.inf))
-            high = np.maximum(high, at.max(axis=1, initial=-np.inf))
-    assert first is not None
-    (start, normal) = first
-    columns = column + np.array([low[0], high[0] + SIDE - 1])[:, None]
-    rows = row + np.array([low[1], high[1] + SIDE - 1])[:, None]
-    rays = np.stack(
-        [camera.directions(columns[i], rows[j]) for j in (0, 1) for i in (0, 1)], axis=1
-    )
-    height = (normal * start).sum(axis=0)
-    slant = (normal[:, None] * rays).sum(axis=0)
-    depth = camera.rotation[2] @ start
-    sound = (np.abs(slant) > 1e-9).all(axis=0)
-    t = height / np.where(sound, slant, 1.0)
-    sound &= ((t > 0) & (t < FARTHEST_CORNER * depth)).all(axis=0)
-    # Off the plane by so much, along the ray by that much more.
-    above = np.zeros(which.size)
-    for sample in samples:
-        position = np.asarray(sample.position).reshape(3, -1, SIDE * SIDE)[:, which]
-        dtype = position.dtype
-        along = sum(n[:, None].astype(dtype) * p for n, p in zip(normal, position, strict=True))
-        above = np.maximum(above, np.abs(along - height[:, None].astype(dtype)).max(axis=1))
-    length = np.sqrt((rays**2).sum(axis=0)).max(axis=0)
-    off = above * length / np.where(sound, np.abs(slant).min(axis=0), 1.0)
-    return t * rays, sound, off
+
+    depth: Float[Array, " corners"]
+    slope: Float[Array, "2 corners"]
+    secant: Float[Array, " corners"]
+    reach: Float[Array, " corners"]
+    at: Int[Array, "2 corners"]
+    face: Int[Array, " blocks"]
+    low: Int[Array, "2 blocks"]
+    high: Int[Array, "2 blocks"]
+    error: Float[Array, " blocks"]
+    usable: Bool[Array, " blocks"]
+    back: Bool[Array, " blocks"]
 
 
-@partial(jax.jit, static_argnames=("shape", "depths", "ids"))
-def _decided(
-    pyramid: Pyramid, entries, corners: SurfacePoints, off, frame, offset, anchor, bias,
-    *, shape: TreeShape, depths: bool, ids: bool,
-):  # fmt: skip
+@jax.jit
+def _facing(corners: SurfacePoints, off, frame, offset, anchor) -> _Facing:
     receivers = project(corners, frame, offset)
-    address = address_of(corners, anchor, receivers, frame.perspective)
-    prim = pack_prim(_four(corners.prim)[0])
+    at = address_of(corners, anchor, receivers, frame.perspective).at
     planar = _four(corners.valid)[0]
     # Positions are relative to the eye; relative to the light they are rounded once more.
-    near_eye = off + ROUNDINGS * jnp.finfo(off.dtype).eps * _most(_four(_size(corners.position)))
-    error = near_eye + ROUNDINGS * jnp.finfo(off.dtype).eps * _size(offset)
-    back, faces = _facing(corners, receivers, error, frame, offset)
-    low, high, face, inside = _rectangle(receivers, address.at, near_eye, frame)
-    usable = planar & faces & inside
-    pages, levels, covered = _pages_over(shape, pyramid, entries, face, low, high, usable)
-    usable &= covered
+    eps = jnp.finfo(off.dtype).eps
+    near_eye = off + ROUNDINGS * eps * _most(_four(_size(corners.position)))
+    error = near_eye + ROUNDINGS * eps * _size(jnp.asarray(offset, off.dtype))
+    back, faces = _sides(corners, receivers, error, frame, offset)
+    low, high, inside = _rectangle(receivers, at, near_eye, frame)
+    return _Facing(
+        receivers.depth, receivers.slope, receivers.secant, receivers.reach, at,
+        _four(receivers.face)[0], low, high, error, planar & faces & inside, planar & back,
+    )  # fmt: skip
+
+
+@partial(jax.jit, static_argnames=("shape", "depths", "ids", "perspective"))
+def _verdict(
+    pyramid: Pyramid, entries, prim, blocks: _Facing, bias,
+    *, shape: TreeShape, depths: bool, ids: bool, perspective: bool,
+):  # fmt: skip
+    pages, levels, covered = _pages_over(shape, entries, blocks)
+    usable = blocks.usable & covered
     least = _some(take(pyramid.least, pages), jnp.minimum)
     most = _some(take(pyramid.most, pages), jnp.maximum)
-    lit = usable & (least == prim) & (most == prim) if ids else jnp.zeros_like(usable)
-    dark = usable
+    own = pack_prim(_four(prim)[0])
+    lit, dark = jnp.zeros_like(usable), usable
     if ids:
-        dark &= (prim < least) | (prim > most)
+        lit = usable & (least == own) & (most == own)
+        dark &= (own < least) | (own > most)
     if depths:
-        level = _some(levels, jnp.minimum)
         farthest = _some(take(pyramid.farthest, pages), jnp.maximum)
-        dark &= farthest < _nearest_compared(
-            shape, receivers, address.at, low, high, level, error, bias, frame.perspective
-        )
-    state = jnp.where(lit, LIT, jnp.where(dark | (planar & back), DARK, OPEN))
-    return state.astype(jnp.int8)
+        coarsest = _some(levels, jnp.minimum)
+        dark &= farthest < _nearest_compared(shape, blocks, coarsest, bias, perspective)
+    known = jnp.where(lit, LIT, jnp.where(dark | blocks.back, DARK, OPEN))
+    return known.astype(jnp.int8)
 
 
 def _four(a):
@@ -330,7 +210,7 @@ def _most(four):
     return _some(four, jnp.maximum)
 
 
-def _facing(corners: SurfacePoints, receivers: Receivers, error, frame, offset):
+def _sides(corners: SurfacePoints, receivers: Receivers, error, frame, offset):
     """Which blocks turn their back on the light at every point, and which face it and lie in its
     domain at every point, where computed points may be off by `error`.
 
@@ -363,12 +243,11 @@ def _facing(corners: SurfacePoints, receivers: Receivers, error, frame, offset):
 
 def _rectangle(receivers: Receivers, at, error, frame):
     """Lowest and highest fixed-point coordinates (2, blocks) of the blocks in the light's image,
-    their face (blocks,), and whether the rectangle lies within the image.
+    and whether the rectangle lies within it.
 
     A plane is projected to a plane: the quadrilateral stays one, and lies between its corners.
     """
     dtype = error.dtype
-    face = _four(receivers.face)[0]
     corner, extent = jnp.asarray(frame.corner, dtype), jnp.asarray(frame.extent, dtype)
     widen = error / jnp.min(extent)
     if frame.perspective:
@@ -379,72 +258,53 @@ def _rectangle(receivers: Receivers, at, error, frame):
     low, high = _least(_four(at)) - beside, _most(_four(at)) + beside
     inside = (low[0] > 0) & (low[1] > 0) & (high[0] < 1 << BITS) & (high[1] < 1 << BITS)
     limit = (1 << BITS) - 1
-    return jnp.clip(low, 0, limit), jnp.clip(high, 0, limit), face, inside
+    return jnp.clip(low, 0, limit), jnp.clip(high, 0, limit), inside
 
 
-def _pages_over(shape: TreeShape, pyramid: Pyramid, entries, face, low, high, usable):
-    """Pages whose squares cover the rectangles (2, blocks) from `low` to `high`, `TAPS` x `TAPS` of
-    them, (taps, blocks), their levels, and whether there are such pages.
+def _pages_over(shape: TreeShape, entries, blocks: _Facing):
+    """Pages whose squares cover the blocks' rectangles, and their levels: (places, blocks); and
+    whether they do cover them.
 
-    The deepest page over each of a grid of points, the rectangle's corners among them, or the
-    nearest page above it whose side is not below the points' distance. Then no gap is left: squares
-    of a tree are aligned to multiples of their sides, which are powers of two. Take the grid of
-    the smallest side among those found. A cell of it that meets the rectangle holds one of the
-    points, for the next one is not further than its side; the square over that point is this cell,
-    or a larger one that the cell lies in. Every page that serves a pixel of a square is that
-    square's, or below it: its bounds hold.
+    They are the deepest pages over `PLACES` x `PLACES` evenly spread points of a rectangle, its
+    corners among them. Where no side of theirs is below the points' distance, no gap is left:
+    squares of a tree are aligned to multiples of their sides, which are powers of two. Take the
+    grid of the smallest side among them. A cell of it that meets the rectangle holds one of the
+    points, as the next one is not further than its side; the square over that point is this cell,
+    or a larger one that the cell lies in. A page that serves a pixel of a square is that square's,
+    or below it: the bounds of its subtree hold.
     """
-    step = -(-(high - low) // (TAPS - 1))
-    apart = jnp.where(usable, jnp.maximum(*step), 0)
-    x, y = ([jnp.minimum(low[k] + i * step[k], high[k]) for i in range(TAPS)] for k in (0, 1))
-    at = jnp.stack([jnp.concatenate(x * TAPS), jnp.concatenate([b for b in y for _ in x])])
-    entry = find_entries(shape, entries, jnp.tile(face, TAPS**2), at)
-    wanted = jnp.tile(apart, TAPS**2)
-
-    def too_small(entry):
-        return (1 << (BITS - shape.log2_nodes_at(level_of(entry)))) < wanted
-
-    def climb(state):
-        entry, above, rising = state
-        entry = jnp.where(rising, above, entry)
-        above = take(pyramid.above, page_of(entry))
-        return entry, above, too_small(entry) & (above >= 0)
-
-    entry, _, _ = jax.lax.while_loop(
-        lambda state: jnp.any(state[2]), climb, climb((entry, entry, jnp.zeros_like(entry, bool)))
-    )
-    rows = (TAPS**2, -1)
-    covered = ~_some(too_small(entry).reshape(rows), jnp.logical_or)
-    return page_of(entry).reshape(rows), level_of(entry).reshape(rows), covered
+    low, high = blocks.low, blocks.high
+    step = -(-(high - low) // (PLACES - 1))
+    x, y = ([jnp.minimum(low[k] + i * step[k], high[k]) for i in range(PLACES)] for k in (0, 1))
+    at = jnp.stack([jnp.concatenate(x * PLACES), jnp.concatenate([b for b in y for _ in x])])
+    entry = find_entries(shape, entries, jnp.tile(blocks.face, PLACES**2), at)
+    entry = entry.reshape(PLACES**2, -1)
+    levels = level_of(entry)
+    deepest = _some(levels, jnp.maximum)
+    covered = (1 << (BITS - shape.log2_nodes_at(deepest))) >= jnp.maximum(*step)
+    return page_of(entry), levels, covered
 
 
-def _nearest_compared(
-    shape: TreeShape, receivers: Receivers, at, low, high, level, error, bias, perspective
-):
+def _nearest_compared(shape: TreeShape, blocks: _Facing, level, bias, perspective: bool):
     """A depth below all that the texels under a block are compared with, tolerances included.
 
     Planes are compared at texel centres, which lie within half a texel of the pixels, by pages of
     `level` or finer: 1 / depth, or the depth under parallel light, is linear there, so its extreme
     is at a corner of the rectangle grown by that half. Where the plane is not trusted the pixel's
-    own depth counts, which is an extreme at no other place.
+    own depth counts, which lies between those extremes.
     """
-    dtype = error.dtype
+    dtype = blocks.depth.dtype
     log2 = shape.log2_resolution(level)
     half = 1 << (BITS - 1 - log2)
-    depth, slope = _four(receivers.depth)[0], _four(receivers.slope)[0]
-    here = _four(at)[0]
-    left, right = (
-        ((edge - here + sign * half).astype(dtype)) * 2.0**-BITS
-        for edge, sign in ((low, -1), (high, 1))
-    )
-    sides = [jnp.minimum(s * a, s * b) if not perspective else jnp.maximum(s * a, s * b)
-             for s, a, b in zip(slope, left, right, strict=True)]  # fmt: skip
-    along = sides[0] + sides[1]
+    here, depth, slope = (_four(a)[0] for a in (blocks.at, blocks.depth, blocks.slope))
+    before = (blocks.low - here - half).astype(dtype) * 2.0**-BITS
+    after = (blocks.high - here + half).astype(dtype) * 2.0**-BITS
+    extreme = jnp.maximum if perspective else jnp.minimum
+    along = sum(extreme(slope[k] * before[k], slope[k] * after[k]) for k in (0, 1))
     nearest = depth / (1 + along) if perspective else depth + along
-    secant = _most(_four(receivers.secant))
-    farthest, reach = _most(_four(receivers.depth)), _most(_four(receivers.reach))
+    secant, farthest, reach = (_most(_four(a)) for a in (blocks.secant, blocks.depth, blocks.reach))
     texel = jnp.exp2(-log2.astype(dtype))
-    tolerance = secant * (bias * farthest + CURVATURE_BIAS * texel * reach + 4 * error)
-    # What rounding makes of a slope, and of the tolerance itself.
-    rounding = 8 * ROUNDINGS * jnp.finfo(dtype).eps * secant * (jnp.abs(nearest) + farthest)
-    return nearest - tolerance * (1 + 1e-5) - rounding
+    tolerance = bias * farthest + CURVATURE_BIAS * texel * reach + 4 * blocks.error
+    # What rounding makes of a slope.
+    rounding = 8 * ROUNDINGS * jnp.finfo(dtype).eps * (jnp.abs(nearest) + farthest)
+    return nearest - secant * (tolerance * (1 + 1e-5) + rounding)

@@ -1,22 +1,16 @@
 """What is known of all texels of a page and of those below it: a pyramid over the tree.
 
 The 2001 paper keeps a pyramid of the farthest and nearest depths of each node. Here its finest
-level is a whole page (16 x 16 texels and their guard band; a block of 8 x 8 pixels covers about as
-many), and its coarser levels are the tree's own: a page's bounds hold for its whole subtree, so
-that a block that is wider than the pages under it is answered by one above them. They are not worth
-leaving out: without them a fifth of the blocks is decided that is decided with them
-(docs/benchmarks.md, "Queries: what pays").
-
-Of the nearest depth nothing would follow (see `asmjax.shadow.adaptive.blocks`); primitives take its
-place.
+level is a whole page, guard band included: 18 x 18 texels, of which a block of 8 x 8 pixels covers
+about as many. Its coarser levels are the tree's own: a page's bounds hold for its whole subtree, so
+one place in a page tells of all deeper pages beside it. Of the nearest depth nothing would follow
+(see `asmjax.shadow.adaptive.blocks`); primitives take its place.
 """
 
 import equinox as eqx
 import jax
 import numpy as np
-from jaxtyping import Array, Float, Int, UInt16
-
-from asmjax.shadow.adaptive.page_table import LEVEL_BITS
+from jaxtyping import Array, Float, UInt16
 
 
 class PageBounds:
@@ -48,22 +42,19 @@ class Pyramid(eqx.Module):
     """Bounds of each page's subtree, itself included, on the device. Free pages hold anything.
 
     Attributes:
-        above: (pages,) entry of the nearest page above each; -1 at level 0.
         farthest: (pages,) largest depth of all texels.
         least, most: (pages,) smallest and largest packed primitive of all texels.
     """
 
-    above: Int[Array, " pages"]
     farthest: Float[Array, " pages"]
     least: UInt16[Array, " pages"]
     most: UInt16[Array, " pages"]
 
 
-def pyramid(bounds: PageBounds, pages: np.ndarray, keys: np.ndarray, ends: np.ndarray) -> Pyramid:
-    """The pyramid over a tree, whose `pages` (k,) stand in the order of a depth-first walk, `keys`
-    are their places in it and `ends` say where the subtree of each ends."""
-    start = np.arange(pages.size)
-    between = np.stack([start, ends], axis=1).reshape(-1)
+def pyramid(bounds: PageBounds, pages: np.ndarray, ends: np.ndarray) -> Pyramid:
+    """The pyramid over a tree, whose `pages` (k,) stand in the order of a depth-first walk; `ends`
+    (k,) say where the subtree of each ends in it."""
+    between = np.stack([np.arange(pages.size), ends], axis=1).reshape(-1)
 
     def subtree(own: np.ndarray, extreme: np.ufunc) -> np.ndarray:
         result = own.copy()
@@ -72,28 +63,6 @@ def pyramid(bounds: PageBounds, pages: np.ndarray, keys: np.ndarray, ends: np.nd
         result[pages] = extreme.reduceat(walk, between)[::2]
         return result
 
-    return jax.device_put(
-        Pyramid(
-            above=_above(bounds.farthest.size, pages, keys & ((1 << LEVEL_BITS) - 1), ends),
-            farthest=subtree(bounds.farthest, np.maximum),
-            least=subtree(bounds.least, np.minimum),
-            most=subtree(bounds.most, np.maximum),
-        )
-    )
-
-
-def _above(count: int, pages: np.ndarray, level: np.ndarray, ends: np.ndarray) -> np.ndarray:
-    """(count,) int32 entry of the nearest page above each of `pages`; -1 where there is none."""
-    start = np.arange(pages.size)
-    parent = np.full(pages.size, -1)
-    below = ends - start - 1
-    # Level by level from the top: the last one to claim a place is the nearest.
-    for k in np.unique(level[below > 0]):
-        chosen = np.flatnonzero((level == k) & (below > 0))
-        many = below[chosen]
-        within = np.arange(many.sum()) - np.repeat(np.cumsum(many) - many, many)
-        parent[np.repeat(chosen + 1, many) + within] = np.repeat(chosen, many)
-    result = np.full(count, -1, np.int32)
-    entry = (pages[parent].astype(np.int64) << LEVEL_BITS) | level[parent]
-    result[pages] = np.where(parent >= 0, entry, -1)
-    return result
+    farthest = subtree(bounds.farthest, np.maximum)
+    least, most = subtree(bounds.least, np.minimum), subtree(bounds.most, np.maximum)
+    return Pyramid(*jax.device_put((farthest, least, most)))

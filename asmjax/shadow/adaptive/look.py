@@ -145,7 +145,8 @@ def _seen_pixels(view: EyeBuffer, share: int, turn: int) -> np.ndarray:
 
 @partial(jax.jit, static_argnames=("shape", "measure", "weight"))
 def _first_look(tree, arguments, goals, *, shape, measure, weight):
-    audience = _audience(*arguments, measure=measure, weight=weight)
+    # Computed once: XLA's CPU backend would form all of it anew for each of the taps.
+    audience = jax.lax.optimization_barrier(_audience(*arguments, measure=measure, weight=weight))
     perspective = arguments[6].perspective
     return audience, analyse(tree, audience, *goals, shape=shape, perspective=perspective)
 
@@ -217,14 +218,17 @@ def analyse(
     receivers, address = audience.receivers, audience.address
     entry = serve(shape, tree, receivers, address)
     log2 = shape.log2_resolution(level_of(entry))
-    texel = index_at(address.at, log2)
-    # Half a texel in fixed point: its bit says which neighbours are nearest.
-    half = (address.at >> (BITS - 1 - log2)) & 1
-    side = jnp.where(half == 1, 1, -1).astype(jnp.int32)
+    column, row = index_at(address.x, log2), index_at(address.y, log2)
+
+    def nearer(at):
+        # Half a texel in fixed point: its bit says which neighbour is nearest.
+        return jnp.where((at >> (BITS - 1 - log2)) & 1 == 1, 1, -1).astype(jnp.int32)
+
+    side_x, side_y = nearer(address.x), nearer(address.y)
     taps, undecided = [], jnp.zeros_like(receivers.facing)
     for dy in (0, 1):
         for dx in (0, 1):
-            step = jnp.stack([side[0] * dx, side[1] * dy])
+            step = side_x * dx, side_y * dy
             taps.append(
                 page_outcome(
                     shape,
@@ -237,7 +241,7 @@ def analyse(
                     perspective=perspective,
                 )  # fmt: skip
             )
-            offset = centre_offset(address, texel + step, log2)
+            offset = centre_offset(address, (column + step[0], row + step[1]), log2)
             undecided |= ~plane_is_trusted(receivers, offset, perspective)
     at_start = audience.log2_ratio - shape.log2_resolution(0)
 

@@ -7,6 +7,9 @@ three levels of a tree with c = 2; the deepest trees take five steps where a des
 it, so nothing is remembered on the way down.
 """
 
+from functools import partial
+
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Int
@@ -16,6 +19,9 @@ from asmjax.shadow.adaptive.shape import LOG2_TABLE, TreeShape
 
 LEVEL_BITS = 5
 """Low bits of an entry: the level of the page that it names. The page is in the bits above."""
+
+CHANGES = 8192
+"""Changed entries that are written one by one; more of them mean a new copy of all."""
 
 _SIDE = 1 << LOG2_TABLE
 _ENTRIES = 1 << (2 * LOG2_TABLE)
@@ -35,16 +41,18 @@ def find_entries(
     shape: TreeShape,
     entries: Int[Array, " entries"],
     face: Int[Array, " n"],
-    at: Int[Array, "2 n"],
+    at: tuple[Int[Array, " n"], Int[Array, " n"]] | Int[Array, "2 n"],
 ) -> Int[Array, " n"]:
     """The entry (n,) that names the deepest page over each fixed-point place `at` of `face`."""
-    column, row = index_at(at, shape.log2_top)
+    x, y = at
+    row, column = index_at(y, shape.log2_top), index_at(x, shape.log2_top)
     entry = take(entries, (((face << shape.log2_top) + row) << shape.log2_top) + column)
     for k in range(1, shape.steps + 1):
         shift = BITS - shape.log2_top - LOG2_TABLE * k
-        x, y = (at >> shift) & (_SIDE - 1)
-        table = jnp.maximum(~entry, 0) << (2 * LOG2_TABLE)
-        below = take(entries, shape.top_entries + table + (y << LOG2_TABLE) + x)
+        inside = (((y >> shift) & (_SIDE - 1)) << LOG2_TABLE) + ((x >> shift) & (_SIDE - 1))
+        table = shape.top_entries + (~entry << (2 * LOG2_TABLE))
+        # Where a page is found already, the same entry is read again and again: it is in the cache.
+        below = take(entries, jnp.where(entry < 0, table + inside, 0))
         entry = jnp.where(entry < 0, below, entry)
     return entry
 
@@ -52,6 +60,11 @@ def find_entries(
 def take(table, index):
     """`table[index]` for indices that are known to lie inside: nothing is checked."""
     return table.at[index].get(mode="promise_in_bounds", wrap_negative_indices=False)
+
+
+@partial(jax.jit, donate_argnums=0)
+def _write(entries, at, values):
+    return entries.at[at].set(values)
 
 
 class PageTable:
@@ -66,6 +79,7 @@ class PageTable:
         self.shape = shape
         self.entries = np.zeros(shape.entries, np.int32)
         self.used = 0
+        self._changed: list[np.ndarray] | None = None
 
     @property
     def bytes(self) -> int:
@@ -75,6 +89,22 @@ class PageTable:
         """Forget all pages."""
         self.entries[:] = 0
         self.used = 0
+        self._changed = None
+
+    def on_device(self, device: Int[Array, " entries"]) -> Int[Array, " entries"]:
+        """The device's copy brought up to date: written in place where little has changed.
+
+        `device` is what this returned before, or zeros; it is taken over.
+        """
+        changed, self._changed = self._changed, []
+        count = 0 if changed is None else sum(at.size for at in changed)
+        if changed is None or count > CHANGES:
+            return jax.device_put(self.entries.copy())
+        if count == 0:
+            return device
+        at = np.zeros(CHANGES, np.int32)
+        at[:count] = np.concatenate(changed)
+        return _write(device, at, self.entries[at])
 
     def cover(self, pages: np.ndarray, squares: np.ndarray) -> np.ndarray:
         """Let `pages` (k,) serve their squares (4, k) where nothing deeper does.
@@ -102,6 +132,11 @@ class PageTable:
         gone[pages] = True
         at = np.flatnonzero(gone[page_of(used)])
         used[at] = heir[page_of(used[at])]
+        self._note(at)
+
+    def _note(self, at: np.ndarray) -> None:
+        if self._changed is not None:
+            self._changed.append(at.reshape(-1))
 
     def _blocks(self, squares: np.ndarray, level: int) -> tuple[np.ndarray, np.ndarray]:
         """Flat entries (fitting, m) that the squares of one level cover, tables made for them; and
@@ -148,6 +183,8 @@ class PageTable:
             at = self.shape.top_entries + made[:, None] * _ENTRIES + np.arange(_ENTRIES)
             self.entries[at] = self.entries[missing][:, None]
             self.entries[missing] = ~made
+            self._note(at)
+            self._note(missing)
             self.used += missing.size
             value = self.entries[entry]
         return np.where(value < 0, ~value, -1)
@@ -159,6 +196,7 @@ class PageTable:
             leaf = held >= 0
             shallower = leaf & (level_of(held) <= level_of(value))
             self.entries[at[shallower]] = value[shallower]
+            self._note(at[shallower])
             tables = ~held[~leaf].astype(np.int64)
             value = np.repeat(value[~leaf], _ENTRIES)
             at = (

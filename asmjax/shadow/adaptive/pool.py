@@ -101,7 +101,7 @@ class NodePool:
 
     def pyramid(self) -> Pyramid:
         """Bounds of all subtrees, on the device."""
-        return pyramid(self.bounds, self._pages, self._keys, self._ends())
+        return pyramid(self.bounds, self._pages, self._ends())
 
     def roots(self) -> Requests:
         """All level-0 nodes, face by face and row by row."""

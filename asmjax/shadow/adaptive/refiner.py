@@ -8,7 +8,6 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from asmjax.buffers import EyeBuffer, LightRays
@@ -36,9 +35,6 @@ followed by another; less is left to the next turns, or to a thorough look."""
 
 FOLLOW_PASSES = 4
 """Passes of one update for a moving view, at most."""
-
-FIRST_LAUNCH = 0.25
-"""Part of the time left that a first launch may take by prediction: nothing was measured yet."""
 
 
 class Stage(NamedTuple):
@@ -113,8 +109,8 @@ class Refiner:
 
     def rest(self) -> None:
         """Refine a view at rest until nothing is left to gain or a limit ends it."""
-        # Turns go on from update to update: where a limit ends each after its first look, all pixels
-        # still are seen, and no page that serves one of them looks unused.
+        # Turns go on from update to update: where a limit ends each after its first look, all
+        # pixels still are seen, and no page that serves one of them looks unused.
         covered, turn = True, self.log.frame
         for stage in self._stages():
             if stage.if_uncovered and covered:
@@ -229,8 +225,6 @@ class Refiner:
             return requests
         log = self.log
         left = limit - (time.perf_counter() - self.start) - self.last_look
-        if log.passes == 0:
-            left *= FIRST_LAUNCH
         cost = self.cost_model
         per_page = max(cost.a_seconds_per_texel * self.shape.side**2, 1e-12)
         fits = (left / log.slowness - cost.b_seconds) / per_page
@@ -243,7 +237,8 @@ class Refiner:
         """Cast the texels of pages in one launch, near ones together, and store them."""
         if pages.size == 0:
             # Others may have been given up all the same: they must serve nobody.
-            self.tree = replace(self.tree, entries=self._entries())
+            entries = self.pool.table.on_device(self.tree.entries)
+            self.tree = replace(self.tree, entries=entries)
             return
         began = time.perf_counter()
         pages = pages[np.argsort(self.pool.key[pages])]
@@ -262,7 +257,7 @@ class Refiner:
                 None if tree.depth is None else _padded(depth[some], bucket),
                 None if tree.prim is None else _padded(prim[some], bucket),
             )
-        self.tree = Tree(self._entries(), *stored)
+        self.tree = Tree(self.pool.table.on_device(tree.entries), *stored)
         jax.block_until_ready(self.tree)
         seconds = time.perf_counter() - began
         expected = self.cost_model.seconds(windows.texels)
@@ -273,11 +268,6 @@ class Refiner:
         self.log.build += seconds
         self.log.rays += windows.texels
         self.log.passes += 1
-
-    def _entries(self) -> jax.Array:
-        """The host's page tables on the device."""
-        # A copy: an aliased table would change under the device's hands at the next insert.
-        return jnp.array(self.pool.table.entries, copy=True)
 
     def _finish(self) -> None:
         used = self.pool.stamp[self.pool.held()] == self.log.frame

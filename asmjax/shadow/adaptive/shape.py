@@ -30,7 +30,7 @@ CAMERA_BYTES = 160
 PAGE_TABLES_BYTES = 56
 """Bytes of a page in the host's tables (`NodePool`): square, order, use, benefit and bounds."""
 
-PYRAMID_BYTES = 12
+PYRAMID_BYTES = 8
 """Bytes of a page in the `Pyramid` on the device."""
 
 START_LOG2 = 9

@@ -44,7 +44,7 @@ def empty_tree(shape: TreeShape, compare: Compare) -> Tree:
 
 def serve(shape: TreeShape, tree: Tree, receivers: Receivers, address: Address):
     """The entry (n,) of the deepest page over each receiver."""
-    return find_entries(shape, tree.entries, receivers.face, address.at)
+    return find_entries(shape, tree.entries, receivers.face, (address.x, address.y))
 
 
 def page_outcome(
@@ -53,26 +53,34 @@ def page_outcome(
     receivers: Receivers,
     address: Address,
     entry: Int[Array, " n"],
-    step: Int[Array, "2 n"] | int,
+    step: tuple[Int[Array, " n"], Int[Array, " n"]] | None,
     *,
     bias: Float[Array, ""] | float,
     perspective: bool,
 ):
     """Whether the texel `step` (columns, rows; at most the guard band) beside a receiver's own
-    texel lights it: (n,) bool."""
+    texel lights it: (n,) bool. None means its own texel."""
     log2 = shape.log2_resolution(level_of(entry))
-    texel = index_at(address.at, log2)
-    x, y = (texel & ((1 << shape.log2_node) - 1)) + GUARD + step
+    dx, dy = (0, 0) if step is None else step
+    column, row = index_at(address.x, log2), index_at(address.y, log2)
+    mask = (1 << shape.log2_node) - 1
+    x, y = (column & mask) + GUARD + dx, (row & mask) + GUARD + dy
     flat = page_of(entry) * shape.side**2 + y * shape.side + x
     return lit_by_texel(
         receivers,
-        centre_offset(address, texel + step, log2),
-        jnp.exp2(-log2.astype(receivers.depth.dtype)),
+        centre_offset(address, (column + dx, row + dy), log2),
+        _inverse_power(log2, receivers.depth.dtype),
         None if tree.depth is None else take(tree.depth.reshape(-1), flat),
         None if tree.prim is None else take(tree.prim.reshape(-1), flat),
         bias=bias,
         perspective=perspective,
     )
+
+
+def _inverse_power(log2, dtype):
+    """2**-log2, from the bits of the exponent."""
+    bits = jax.lax.bitcast_convert_type((127 - log2) << 23, jnp.float32)
+    return bits.astype(dtype)
 
 
 def lookup(
@@ -87,7 +95,7 @@ def lookup(
     """Visibility (n,) bool by the finest texel over each receiver, and its level (n,)."""
     entry = serve(shape, tree, receivers, address)
     lit = page_outcome(
-        shape, tree, receivers, address, entry, 0, bias=bias, perspective=perspective
+        shape, tree, receivers, address, entry, None, bias=bias, perspective=perspective
     )
     return lit, level_of(entry)
 
