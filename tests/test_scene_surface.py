@@ -7,6 +7,8 @@ import pytest
 
 from asmjax.errors import UseError
 from asmjax.geometry import fixed_frame, in_domain
+from asmjax.options import RunOptions
+from asmjax.preparation import results_folder
 from asmjax.render.load import load_scene
 from asmjax.scene import builtin, mesh_tools, surface
 from asmjax.scene.spec import Mesh
@@ -116,6 +118,16 @@ def test_names_that_are():
     assert builtin.load_builtin("surface").triangles == surface.make_surface().triangles
     assert builtin.is_builtin("surface:anything") and builtin.is_builtin("paper_room")
     assert not builtin.is_builtin("scene.xml") and not builtin.is_builtin("C:scene.xml")
+
+
+@pytest.mark.parametrize(
+    ("scene", "folder"),
+    [("surface:2.5m", "run-surface-2.5m"), ("paper_room", "run-paper_room"),
+     ("some/where/house.xml", "run-house"), ("my.house.XML", "run-my.house")],
+)  # fmt: skip
+def test_results_are_kept_apart_by_size(scene, folder):
+    """Each size has a folder of its own, and its name suits a file system."""
+    assert results_folder(RunOptions(scene=scene)).name == folder
 
 
 @pytest.mark.mitsuba

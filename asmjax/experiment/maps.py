@@ -15,7 +15,8 @@ from asmjax.footprint import (
     uv_jacobian,
 )
 from asmjax.geometry import LightFrame
-from asmjax.shadow import UniformShadowMap
+from asmjax.shadow import AdaptiveShadowMap, UniformShadowMap
+from asmjax.shadow.adaptive import AdaptiveState
 from asmjax.shadow.uniform import UniformState
 
 CELL_TEXELS = 16
@@ -48,6 +49,18 @@ def analysis_maps(
     }
     nan = {name: np.asarray(jnp.where(facing, values, jnp.nan)) for name, values in maps.items()}
     return nan | {"benefit": np.asarray(jnp.where(facing, benefit, 0))}
+
+
+def answered_resolution(
+    eye: EyeBuffer, frame: LightFrame, algorithm: AdaptiveShadowMap, state: AdaptiveState
+) -> np.ndarray:
+    """Texels a side (n,) of a flat map as fine as the texel that answered each pixel.
+
+    NaN where the light does not shine on the side that is seen: no texel decides there.
+    """
+    _, log2 = algorithm.lookup(state, eye.points)
+    facing = project(eye.points, frame, light_offset(eye.points, frame)).facing
+    return np.where(np.asarray(facing), np.exp2(np.asarray(log2, np.float64)), np.nan)
 
 
 @eqx.filter_jit

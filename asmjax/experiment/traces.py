@@ -1,4 +1,4 @@
-"""Counting how often JAX traces a function."""
+"""Counting how often JAX traces a function: after a warm-up, never."""
 
 import contextlib
 from collections.abc import Iterator
@@ -10,7 +10,7 @@ TRACED = "/jax/core/compile/jaxpr_trace_duration"
 
 @contextlib.contextmanager
 def counted_traces() -> Iterator[list[str]]:
-    """A list that grows by one entry for each function traced inside the `with` block."""
+    """A list that grows by one name for each function traced inside the `with` block."""
     seen: list[str] = []
 
     def listen(event: str, duration_secs: float, **facts) -> None:
