@@ -49,8 +49,9 @@ def test_defaults():
 def test_every_option_arrives():
     words = (
         "run terrain --view low --size 256 128 --sensor 1 --light sun --memory-mb 0.5 "
-        "--time-limit-ms 2.5 --node-resolution 64 --cells 4 --preset paper_2001 --samples 16 --repeats 1 --seed 7 "
-        "--variant scalar_rgb --recalibrate --out there --save-arrays --quiet"
+        "--time-limit-ms 2.5 --node-resolution 64 --cells 4 --preset paper_2001 "
+        "--samples 16 --repeats 1 --seed 7 --variant scalar_rgb --recalibrate "
+        "--out there --save-arrays --quiet"
     )
     wanted = RunOptions(
         scene="terrain",

@@ -1,6 +1,7 @@
 """Casters and lights that move: nothing stale is kept, and nothing is cast that cannot differ."""
 
 from dataclasses import replace
+from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -15,8 +16,8 @@ from helpers.slow_tree import Square, held_by, random_squares, requests_for, squ
 from asmjax.geometry import LightFrame
 from asmjax.scene.analytic_rays import AnalyticRays, analytic_eye, scene_bounds
 from asmjax.scene.analytic_scenes import a4_disc_light
-from asmjax.scene.spec import Rectangle, ViewSpec
-from asmjax.shadow import AdaptiveShadowMap
+from asmjax.scene.spec import Mesh, Rectangle, ViewSpec
+from asmjax.shadow import AdaptiveShadowMap, NodeCounts
 from asmjax.shadow.adaptive.motion import touched
 from asmjax.shadow.adaptive.pool import NodePool
 from asmjax.shadow.adaptive.shape import GUARD, page_windows
@@ -33,8 +34,17 @@ each_light = pytest.mark.parametrize("name", LIGHTS)
 
 
 def asm(**settings) -> AdaptiveShadowMap:
-    known = {"memory_bytes": 2**18, "node_resolution": 8, "start_resolution": 32}
+    known: dict[str, Any] = {
+        "memory_bytes": 2**18, "node_resolution": 8, "start_resolution": 32,
+    }  # fmt: skip
     return AdaptiveShadowMap(**known | settings, cost_model=FAST)
+
+
+def counted(algorithm: AdaptiveShadowMap, state) -> NodeCounts:
+    """What became of the state's nodes."""
+    nodes = algorithm.cost(state).nodes
+    assert nodes is not None
+    return nodes
 
 
 def shifted(case: Case, shift) -> tuple[Case, np.ndarray]:
@@ -43,6 +53,7 @@ def shifted(case: Case, shift) -> tuple[Case, np.ndarray]:
     casters = [
         replace(shape, centre=tuple((np.asarray(shape.centre) + shift).tolist()))
         for shape in case.shapes[1:]
+        if not isinstance(shape, Mesh)
     ]
     shapes = (case.shapes[0], *casters)
     box = scene_bounds([*case.shapes[1:], *casters])[None]
@@ -78,7 +89,7 @@ def check_tables(state) -> None:
 
 def ref_image(frame: LightFrame, face: int, box: np.ndarray, steps: int = 9):
     """Places (2, n) and axial depths (n,) of a grid of points of a box, in front of the light."""
-    axes = [np.linspace(*side, steps) for side in box]
+    axes = [np.linspace(low, high, steps) for low, high in box]
     points = np.stack(np.meshgrid(*axes, indexing="ij")).reshape(3, -1)
     x, y, depth = frame.rotation[face] @ (points - frame.origin[:, None])
     front = depth > 0
@@ -123,7 +134,7 @@ def test_after_motion_every_page_is_as_if_cast_now(name):
         state = algorithm.update(state, case.eye, case.frame, case.rays, moved=box)
         assert stale_pages(state, case.rays) == []
         check_tables(state)
-        nodes = algorithm.cost(state).nodes
+        nodes = counted(algorithm, state)
         assert nodes.recast > recast
         recast = nodes.recast
 
@@ -154,7 +165,7 @@ def test_only_pages_in_the_image_of_the_boxes_are_cast_again(name):
     for square in kept:
         np.testing.assert_array_equal(now[square][0], before[square][0])
         np.testing.assert_array_equal(now[square][1], before[square][1])
-    nodes = algorithm.cost(state).nodes
+    nodes = counted(algorithm, state)
     assert nodes.recast == recast.count <= len(before) - len(outside)
     assert nodes.dropped == 0
 
@@ -173,7 +184,7 @@ def test_where_nothing_moved_nothing_is_cast_again(name):
     for moved in boxes:
         before, rays = texels_of(state), CountingRays(case.rays)
         state = algorithm.update(state, case.eye, case.frame, rays, moved=moved)
-        nodes = algorithm.cost(state).nodes
+        nodes = counted(algorithm, state)
         assert (nodes.recast, nodes.dropped) == (0, 0)
         now = texels_of(state)
         for square in before.keys() & now.keys():
@@ -198,10 +209,10 @@ def test_touched_pages_that_nobody_used_lately_are_dropped():
     after, box = shifted(case, [0.01, 0.0, 0.0])
     before = set(texels_of(state))
     hit = set(squares_of(state.pool.squares[:, touched(state.pool, state.tree, case.frame, box)]))
-    counts, rays = algorithm.cost(state).nodes, CountingRays(after.rays)
+    counts, rays = counted(algorithm, state), CountingRays(after.rays)
     eye = analytic_eye(after.shapes, near_view(edge))
     state = algorithm.update(state, eye, case.frame, rays, moved=box)
-    nodes = algorithm.cost(state).nodes
+    nodes = counted(algorithm, state)
     recast, dropped = nodes.recast - counts.recast, nodes.dropped - counts.dropped
     assert recast + dropped == len(hit) and recast > 0 and dropped > 0
     assert rays.windows[0].count == recast
@@ -257,7 +268,7 @@ def test_pages_given_up_serve_nobody_even_where_none_is_cast():
     assert hit.size and (state.pool.squares[1, hit] > 0).all()
     state = algorithm.update(state, eye, frame, rays, moved=box)
     check_tables(state)
-    assert algorithm.cost(state).nodes.dropped == hit.size
+    assert counted(algorithm, state).dropped == hit.size
     assert stale_pages(state, rays) == []
     assert not np.asarray(algorithm.visibility(state, eye.points)).any()
 
@@ -274,13 +285,13 @@ def test_a_light_that_moved_starts_anew():
     after = truth_of(a4_disc_light, before.view, light_height=6.0)
     algorithm = asm()
     state = algorithm.build(before.eye, before.frame, before.rays)
-    held, made = (getattr(algorithm.cost(state).nodes, name) for name in ("held", "made"))
+    held, made = (getattr(counted(algorithm, state), name) for name in ("held", "made"))
     for _ in range(4):
         state = algorithm.update(state, after.eye, after.frame, after.rays)
         lit, log2 = algorithm.lookup(state, after.eye.points)
         wrong = after.wrong(lit)
         assert (after.edge_distance[wrong] < after.texel_width(log2)[wrong]).all()
-        nodes = algorithm.cost(state).nodes
+        nodes = counted(algorithm, state)
         assert (nodes.dropped, nodes.recast) == (held, 0) and nodes.made > made
         assert stale_pages(state, after.rays) == []
         check_tables(state)
@@ -314,6 +325,7 @@ def filled(shape, depth=5.0, seed=None):
         squares = random_squares(np.random.default_rng(seed), shape, 30)
         pool.admit(requests_for(squares), 1, 1, False)
     tree = empty_tree(shape, "both")
+    assert tree.depth is not None
     return pool, eqx.tree_at(lambda t: t.depth, tree, jnp.full_like(tree.depth, depth))
 
 

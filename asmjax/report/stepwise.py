@@ -59,7 +59,9 @@ class StepwiseRecord:
     def write(self) -> None:
         """Write the record with the bounds that it decides, and the document made of it."""
         self.record["bounds"] = [bound.record() for bound in self._bounds(self.record)]
-        write_json(self.folder / "report.json", plain(self.record))
+        record = plain(self.record)
+        assert isinstance(record, dict)
+        write_json(self.folder / "report.json", record)
         write_atomic(self.folder / "report.md", self._document(self.record))
 
     def figure(self, name: str, drawn: Figure, words: str) -> None:
