@@ -27,7 +27,7 @@ from asmjax.scene.analytic_scenes import a1_square
 from asmjax.scene.lights import light_frame
 from asmjax.shadow import AdaptiveShadowMap, UniformShadowMap
 from asmjax.shadow.adaptive.cost_model import CostModel
-from asmjax.shadow.adaptive.refine import analyse, audience
+from asmjax.shadow.adaptive.look import analyse, audience_of
 
 SIDE, RESOLUTION, CELLS = 512, 2048, 128
 
@@ -107,17 +107,14 @@ def test_adaptive_query(benchmark, scene, adaptive):
 
 
 def test_adaptive_analysis(benchmark, scene, adaptive):
-    """One look at all pixels: descent, four taps, straddling, target level."""
+    """One look at all pixels: page tables, four taps, straddling, target levels."""
     (eye, frame, _), (algorithm, state) = scene, adaptive
-    offset = light_offset(eye.points, frame)
-    receivers = project(eye.points, frame, offset)
-    jacobian = uv_jacobian(eye.points, eye.camera, frame, receivers)
-    look = audience(receivers, log2_m(jacobian, 1))
+    looking = audience_of(eye, frame, "axis")
 
     def call():
         return analyse(
-            state.shape, state.tree, look.receivers, look.log2_ratio, 0.0, -4.0,
-            algorithm.bias, frame.perspective,
+            state.tree, looking, 0.0, -4.0, algorithm.bias,
+            shape=state.shape, perspective=frame.perspective,
         )  # fmt: skip
 
     benchmark(lambda: jax.block_until_ready(call()))

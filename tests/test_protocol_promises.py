@@ -1,5 +1,7 @@
 """What the protocol promises in a word each: jit with a state, ownership, curved shapes."""
 
+from functools import partial
+
 import jax
 import numpy as np
 import pytest
@@ -20,8 +22,8 @@ ALGORITHMS = [
 
 @pytest.mark.parametrize("algorithm", ALGORITHMS, ids=lambda a: a.name)
 def test_visibility_may_be_jitted_with_a_state(algorithm):
-    """A state is a pytree of arrays: jit with it as an argument, and again with another state,
-    gives what the plain call gives, with one trace."""
+    """A state is a pytree of arrays: jit with it as an argument, and again with another state or
+    an updated one, gives what the plain call gives, with one trace."""
     case = analytic_case("a1_square", 48)
     traces = []
 
@@ -30,8 +32,9 @@ def test_visibility_may_be_jitted_with_a_state(algorithm):
         traces.append(1)
         return algorithm.visibility(state, points)
 
-    for _ in range(2):
-        state = algorithm.build(case.eye, case.frame, case.rays)
+    state = algorithm.build(case.eye, case.frame, case.rays)
+    for make in (algorithm.build, partial(algorithm.update, state)):
+        state = make(case.eye, case.frame, case.rays)
         np.testing.assert_array_equal(
             visibility(state, case.eye.points), algorithm.visibility(state, case.eye.points)
         )

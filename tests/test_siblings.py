@@ -18,11 +18,11 @@ from helpers.analytic_cases import (
     moved,
     random_rotation,
 )
-from helpers.compilations import counted_traces
 from helpers.counting import CountingRays
 from helpers.registry import SIBLINGS, VARIANTS
 
 from asmjax.buffers import SurfacePoints
+from asmjax.experiment.traces import counted_traces
 from asmjax.geometry import in_domain, towards_light
 from asmjax.metrics import boundary_edges, boundary_length, surface_pairs
 from asmjax.shadow import ALGORITHMS, UniformShadowMap

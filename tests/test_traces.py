@@ -8,16 +8,18 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers.compilations import counted_traces
+from helpers.analytic_cases import walk
 from helpers.poses import random_pose
 
 from asmjax.experiment.maps import analysis_maps
+from asmjax.experiment.traces import counted_traces
 from asmjax.scene.analytic_rays import AnalyticRays, analytic_eye, scene_bounds
 from asmjax.scene.analytic_scenes import ANALYTIC_SCENES
 from asmjax.scene.lights import light_frame
 from asmjax.scene.spec import ViewSpec
 from asmjax.shadow import AdaptiveShadowMap, UniformShadowMap
 from asmjax.shadow.adaptive.cost_model import CostModel
+from asmjax.shadow.adaptive.refiner import BUCKETS
 
 SIZE = 48
 EYES = ((3.0, -4.0, 5.0), (-2.5, -3.5, 6.0), (0.5, -5.5, 4.0))
@@ -57,6 +59,79 @@ def test_a_second_view_of_the_same_size_traces_nothing(name):
     # Not the same picture again: the comparison would be empty.
     assert not np.array_equal(first[0], third[0])
     assert not np.array_equal(first[1], third[1], equal_nan=True)
+
+
+def walked_updates(adaptive, cases, state):
+    """Update and query for each of a walk's cases; the state, and nodes made by each update."""
+    made = []
+    for case in cases:
+        before = adaptive.cost(state).nodes.made
+        state = adaptive.update(state, case.eye, case.frame, case.rays)
+        adaptive.visibility(state, case.eye.points).block_until_ready()
+        made.append(adaptive.cost(state).nodes.made - before)
+    return state, made
+
+
+STRIDES = [0.0, 0.02, 0.0, *[0.02] * 6, 0.8, 1.2, 2.5, 0.0, *[0.02] * 6, 0.0, 3.0, 0.0, 0.02]
+"""Steps of an eye along the ground, scene units: small and large ones, and rests."""
+
+
+def traced_on_a_walk(start: float, memory: int):
+    """What is traced after the first step and rest of a walk along the ground, and how many nodes
+    each of the other updates made. `memory` must be new: traces are kept by size."""
+    steps = [(start + x, 0.1, 0.0) for x in np.cumsum(STRIDES)]
+    cases = walk("a4_disc_light", SIZE, steps, fov_deg=140.0)
+    adaptive = AdaptiveShadowMap(
+        memory_bytes=memory, node_resolution=8, start_resolution=32, cost_model=MODEL
+    )
+    state = adaptive.build(cases[0].eye, cases[0].frame, cases[0].rays)
+    state, _ = walked_updates(adaptive, cases[1:3], state)
+    with counted_traces() as traced:
+        _, made = walked_updates(adaptive, cases[3:], state)
+    return traced, made
+
+
+def test_a_walk_traces_nothing_after_its_first_step():
+    """Twenty updates and queries on ground that was not seen before; the numbers of new nodes fall
+    into several of the sizes that they are stored in."""
+    traced, made = traced_on_a_walk(start=1.0, memory=2**21)
+    assert traced == []
+    assert len(made) == 20
+    stored = {next(b for b in BUCKETS if b >= count) for count in made if count}
+    assert len(stored) > 1, made
+
+
+@pytest.mark.xfail(reason="looks near edges are first traced when an edge comes into sight")
+def test_a_walk_towards_a_shadow_traces_nothing_after_its_first_step():
+    traced, made = traced_on_a_walk(start=-6.0, memory=3 * 2**19)
+    assert sum(made) > 0
+    assert traced == []
+
+
+@pytest.mark.xfail(reason="looks at a half and at a quarter of the pixels are traced on the way")
+def test_a_walk_towards_the_sky_traces_nothing_after_its_first_step():
+    """Fewer and fewer pixels see a surface."""
+    scene = ANALYTIC_SCENES["a1_square"]()
+    shapes = scene.spec.shapes
+    eyes = [
+        analytic_eye(
+            shapes,
+            ViewSpec("eye", (3.0, -4.0, 5.0), (0.0, 0.0, z), fov_x_deg=50, width=SIZE, height=SIZE),
+        )
+        for z in np.linspace(0.0, 4.6, 22)
+    ]
+    assert eyes[1].valid.mean() > 0.9 and 0.02 < eyes[-1].valid.mean() < 0.25
+    light = next(iter(scene.spec.lights.values()))
+    frame, rays = light_frame(light, eyes[0], scene_bounds(shapes)), AnalyticRays(shapes)
+    adaptive = AdaptiveShadowMap(memory_bytes=MEMORY, start_resolution=64, cost_model=MODEL)
+    state = adaptive.build(eyes[0], frame, rays)
+    with counted_traces() as traced:
+        for k, eye in enumerate(eyes[1:]):
+            state = adaptive.update(state, eye, frame, rays)
+            adaptive.visibility(state, eye.points).block_until_ready()
+            if k == 0:
+                traced.clear()
+    assert traced == []
 
 
 def test_kernels_trace_once_per_shape_and_type():

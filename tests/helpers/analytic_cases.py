@@ -89,6 +89,20 @@ def case_of(scene, shapes: Sequence[Shape], view: ViewSpec, light: LightSpec) ->
     )
 
 
+def walk(name: str, side: int, steps: Sequence[Sequence[float]], **light) -> list[Case]:
+    """The built-in analytic scene seen by an eye that has moved by each of `steps`, looking the
+    same way, under the light frame of the first: what an algorithm updates its state for."""
+    scene, case = ANALYTIC_SCENES[name](), analytic_case(name, side, **light)
+    cases = []
+    for step in steps:
+        origin, target = (
+            tuple(np.add(point, step).tolist()) for point in (case.view.origin, case.view.target)
+        )
+        view = replace(case.view, origin=origin, target=target)
+        cases.append(replace(case_of(scene, case.shapes, view, case.light), frame=case.frame))
+    return [replace(each, frame=cases[0].frame) for each in cases]
+
+
 def moved(case: Case, rotation: np.ndarray, shift: np.ndarray) -> Case:
     """The case with scene, eye and light moved as one rigid body; what is expected stays."""
 

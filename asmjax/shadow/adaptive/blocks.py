@@ -27,12 +27,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, Int8
 
-from asmjax.buffers import (
-    Receivers,
-    SurfacePoints,
-    light_offset,
-    project,
-)
+from asmjax.buffers import Receivers, SurfacePoints, light_offset, project
 from asmjax.buffers.points import SEEN_STEPS
 from asmjax.numerics import LEAST_DEPTH, dot
 from asmjax.shadow.adaptive.address import BITS, address_of, anchor
@@ -276,7 +271,7 @@ def _pages_over(shape: TreeShape, entries, blocks: _Facing):
     low, high = blocks.low, blocks.high
     step = -(-(high - low) // (PLACES - 1))
     x, y = ([jnp.minimum(low[k] + i * step[k], high[k]) for i in range(PLACES)] for k in (0, 1))
-    at = jnp.stack([jnp.concatenate(x * PLACES), jnp.concatenate([b for b in y for _ in x])])
+    at = jnp.concatenate(x * PLACES), jnp.concatenate([b for b in y for _ in x])
     entry = find_entries(shape, entries, jnp.tile(blocks.face, PLACES**2), at)
     entry = entry.reshape(PLACES**2, -1)
     levels = level_of(entry)

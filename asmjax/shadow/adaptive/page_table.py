@@ -177,6 +177,8 @@ class PageTable:
     def _tables(self, entry: np.ndarray) -> np.ndarray:
         """The table of each entry, made where it names a page; -1 where none is left."""
         value = self.entries[entry]
+        if (value < 0).all():
+            return ~value
         missing = np.unique(entry[value >= 0])[: self.shape.tables - self.used]
         if missing.size:
             made = self.used + np.arange(missing.size)
