@@ -93,8 +93,11 @@ def main() -> None:
             times += kernel_times(view, device, repeats)
     text = document(times, repeats, load)
     options.out.mkdir(parents=True, exist_ok=True)
-    for path in (options.out / "benchmarks.md", *([DOCS] if options.docs else [])):
-        path.write_text(text, encoding="utf-8")
+    (options.out / "benchmarks.md").write_text(text, encoding="utf-8")
+    if options.docs:
+        # The sections below the first are others'.
+        _, heading, others = DOCS.read_text(encoding="utf-8").partition("\n## ")
+        DOCS.write_text(text + heading + others, encoding="utf-8")
     print(text)
 
 
