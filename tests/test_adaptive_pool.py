@@ -92,12 +92,24 @@ def test_what_was_used_in_the_last_rotation_stays():
 
 
 def test_no_more_go_than_needed():
+    """In a tree whose reserve is less than a page."""
     squares = {A: (2, 1.0), B: (2, 1.0), C: (2, 1.0)}
     pool = full_pool(squares)
     pool.evict(pool.unused(3)[:2])
     assert pool.free_pages == 2
     assert ask(pool, [NEW, D], oldest=5).evicted == 0
     assert ask(pool, [IN_D], oldest=5).evicted == 1
+
+
+def test_room_is_made_for_the_next_looks_too():
+    """A 32nd of all pages beyond those asked for, of unused ones only."""
+    squares = {(0, 4, k % 16, k // 16): (2 if k < 40 else 9, 1.0) for k in range(95)}
+    pool = full_pool(squares)
+    assert ask(pool, [NEW], oldest=5).evicted == 1 + 96 // 32 and pool.free_pages == 3
+    assert ask(pool, [(0, 3, k, 7) for k in range(3)], oldest=5).evicted == 0
+    assert ask(pool, [(0, 3, k, 6) for k in range(8)], oldest=5).evicted == 8 + 3
+    ask(pool, [(0, 3, k % 8, k // 8) for k in range(32)], oldest=5)
+    assert all(k < 40 for k, square in enumerate(squares) if square not in held_by(pool))
 
 
 def test_children_go_before_their_parents():

@@ -12,6 +12,7 @@ import numpy as np
 from asmjax.buffers import LightBuffer, LightRays, TexelWindows
 from asmjax.geometry import LightFrame
 from asmjax.render.geometry import SceneGeometry
+from asmjax.render.threads import all_threads
 
 LANES = 1 << 24
 """Texels cast in one launch at most; larger requests are cut (memory: about 40 bytes a texel)."""
@@ -85,9 +86,10 @@ class MitsubaRays(LightRays):
             return self._hits_one_by_one(origins, directions)
         mi, dr = self.mi, self._dr
         ray = mi.Ray3f(mi.Point3f(_f32(origins)), mi.Vector3f(_f32(directions)))
-        t, prim, shape = self._intersect(ray)
-        dr.eval(t, prim, shape)
-        return t.numpy().astype(np.float64), prim.numpy(), shape.numpy()
+        with all_threads():
+            t, prim, shape = self._intersect(ray)
+            dr.eval(t, prim, shape)
+            return t.numpy().astype(np.float64), prim.numpy(), shape.numpy()
 
     def _intersect(self, ray):
         return self._identify(self.scene.ray_intersect_preliminary(ray, coherent=True))
@@ -130,7 +132,12 @@ class MitsubaRays(LightRays):
             ray = mi.Ray3f(mi.Point3f(_f32(origins)), mi.Vector3f(_f32(directions)))
             ray.maxt = self._dr.opaque(mi.Float, t_max)
             self._dr.eval(ray)
-            return lambda: self.scene.ray_test(ray, coherent=True).numpy()
+
+            def cast():
+                with all_threads():
+                    return self.scene.ray_test(ray, coherent=True).numpy()
+
+            return cast
         ray3, point, vector = self.mi.Ray3f, self.mi.Point3f, self.mi.Vector3f
         rays = []
         for o, d in zip(_f32(origins).T.tolist(), _f32(directions).T.tolist(), strict=True):
@@ -152,10 +159,11 @@ class MitsubaRays(LightRays):
             albedo = hit.bsdf().eval_diffuse_reflectance(hit, valid)
             albedo, normal = (dr.select(valid, v, 0.0) for v in (albedo, mi.Vector3f(hit.n)))
             t, prim, shape = self._identify(found)
-            dr.eval(t, prim, shape, albedo, normal)
-            return FirstSurfaces(
-                t.numpy(), prim.numpy(), shape.numpy(), _rows(albedo), _rows(normal)
-            )
+            with all_threads():
+                dr.eval(t, prim, shape, albedo, normal)
+                return FirstSurfaces(
+                    t.numpy(), prim.numpy(), shape.numpy(), _rows(albedo), _rows(normal)
+                )
         n = directions.shape[1]
         result = FirstSurfaces(
             t=np.full(n, np.inf, np.float32),
@@ -199,8 +207,9 @@ class MitsubaRays(LightRays):
         e_u, e_v, e_w = np.moveaxis(frame.rotation[windows.face], 0, -1)
         corner = e_u * first[0] + e_v * first[1]
         corner += e_w if frame.perspective else frame.origin[:, None]
-        table = [mi.Float(_f32(row)) for v in (corner, e_u * step[0], e_v * step[1]) for row in v]
-        side = windows.side
+        # One array and not nine: each one costs as much as a few thousand rays.
+        table = mi.Float(_f32(np.concatenate([corner, e_u * step[0], e_v * step[1]])).reshape(-1))
+        side, windows_in_all = windows.side, dr.opaque(mi.UInt32, windows.count)
         lane = dr.arange(mi.UInt32, count) + dr.opaque(mi.UInt32, start)
         window = lane // (side * side)
         texel = lane - window * (side * side)
@@ -208,7 +217,12 @@ class MitsubaRays(LightRays):
         column = mi.Float(texel - row * side)
         row = mi.Float(row)
         corner, right, down = (
-            mi.Vector3f(*(dr.gather(mi.Float, table[3 * i + k], window) for k in range(3)))
+            mi.Vector3f(
+                *(
+                    dr.gather(mi.Float, table, window + (3 * i + k) * windows_in_all)
+                    for k in range(3)
+                )
+            )
             for i in range(3)
         )
         at = dr.fma(down, row, dr.fma(right, column, corner))
@@ -221,8 +235,9 @@ class MitsubaRays(LightRays):
             axis = mi.Vector3f(*(dr.gather(mi.Float, row, window) for row in axis))
             ray = mi.Ray3f(mi.Point3f(at), axis)
         t, prim, _ = self._intersect(ray)
-        dr.eval(t, prim)
-        depth, prim = t.numpy(), prim.numpy()
+        with all_threads():
+            dr.eval(t, prim)
+            depth, prim = t.numpy(), prim.numpy()
         assert depth.dtype == np.float32 and prim.dtype == np.int32
         return depth, prim
 

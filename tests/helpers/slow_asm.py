@@ -16,6 +16,7 @@ from asmjax.footprint import log2_linear_ratio, log2_m, uv_jacobian
 from asmjax.geometry import Camera, LightFrame
 from asmjax.shadow import AdaptiveShadowMap, NodeCounts, Status
 from asmjax.shadow.adaptive.look import COARSE, FEW
+from asmjax.shadow.adaptive.pool import RESERVE_SHARE
 from asmjax.shadow.adaptive.refiner import BUSY_SHARE, FOLLOW_PASSES, LEAST_SHARE
 from asmjax.shadow.adaptive.shape import GUARD
 from asmjax.shadow.comparison import CURVATURE_BIAS, FLATTEST
@@ -338,7 +339,8 @@ class SlowASM:
     def _make(self, requests: list[Request], replace: bool) -> int:
         """Make nodes in order, as far as there is or can be made room; how many."""
         if len(requests) > self._free():
-            for node in self._unused()[: len(requests) - self._free()]:
+            reserve = self.shape.pages // RESERVE_SHARE
+            for node in self._unused()[: len(requests) - self._free() + reserve]:
                 self._give_up(node)
         free = self._free()
         if len(requests) > free and replace:

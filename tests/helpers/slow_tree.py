@@ -8,7 +8,7 @@ import numpy as np
 
 from asmjax.buffers import Receivers
 from asmjax.shadow.adaptive.address import BITS, Address
-from asmjax.shadow.adaptive.pool import NodePool, Requests
+from asmjax.shadow.adaptive.pool import RESERVE_SHARE, NodePool, Requests
 from asmjax.shadow.adaptive.shape import LOG2_TABLE, TreeShape
 
 Square = tuple[int, int, int, int]
@@ -143,8 +143,9 @@ class SlowPool:
         for square, benefit in requests:
             if square not in self.held and square not in wanted:
                 wanted[square] = benefit
-        missing = max(len(wanted) - self.free, 0)
-        evicted = self.evict(self.unused(oldest)[:missing])
+        missing = len(wanted) - self.free
+        reserve = self.shape.pages // RESERVE_SHARE
+        evicted = self.evict(self.unused(oldest)[: missing + reserve]) if missing > 0 else 0
         free, leaves, losers, winners, refused = self.free, self.weakest_leaves(), [], [], 0
         for square, benefit in wanted.items():
             if free > 0:

@@ -46,19 +46,17 @@ def anchor(points: SurfacePoints, frame: LightFrame) -> Anchor:
     # Inside a transformation of the caller's it is computed there, in the precision at hand.
     xp = np if concrete else jnp
     offset = xp.asarray(points.origin) - xp.asarray(frame.origin)
-    e_u, e_v, e_w = (frame.rotation[:, k] for k in range(3))
-    rows = []
-    for k, axis in enumerate((e_u, e_v)):
-        corner, extent = frame.corner[:, k, None], frame.extent[:, k, None]
-        if frame.perspective:
-            weights = (axis - corner * e_w) / extent
-            base = weights @ offset
-        else:
-            weights = axis / extent
-            base = weights @ offset - (corner / extent)[:, 0]
-        rows.append(xp.concatenate([base[:, None], weights], axis=1))
-    rows.append(xp.concatenate([(e_w @ offset)[:, None], e_w], axis=1))
-    exact = xp.stack(rows).transpose(0, 2, 1)
+    rotation, corner, extent = (xp.asarray(a) for a in (frame.rotation, frame.corner, frame.extent))
+    base = rotation @ offset
+    if frame.perspective:
+        # u = (x / z - corner) / extent: the row is x - corner * z.
+        across = rotation[:, :2] - corner[:, :, None] * rotation[:, 2:]
+        start = base[:, :2] - corner * base[:, 2:]
+    else:
+        across, start = rotation[:, :2], base[:, :2] - corner
+    weights = xp.concatenate([across / extent[:, :, None], rotation[:, 2:]], axis=1)
+    base = xp.concatenate([start / extent, base[:, 2:]], axis=1)
+    exact = xp.concatenate([base[:, :, None], weights], axis=2).transpose(1, 2, 0)
     if points.position.dtype == jnp.float64 or not concrete:
         return Anchor(exact, xp.zeros_like(exact))
     high = exact.astype(np.float32)

@@ -169,18 +169,21 @@ class AdaptiveShadowMap(ShadowAlgorithm[AdaptiveState]):
         return AdaptiveState(refiner.tree, refiner.frame, refiner.shape, host)
 
     def visibility(self, state: AdaptiveState, points: SurfacePoints) -> Float[Array, " n"]:
-        lit, _ = self.lookup(state, points)
-        return lit
+        return _visibility(*self._query(state, points), shape=state.shape)
 
     def lookup(self, state: AdaptiveState, points: SurfacePoints):
         """Visibility (n,), and log2 of the effective resolution (n,) that answered.
 
         Raises `UseError` for a state that `update` has taken over.
         """
+        return _lookup(*self._query(state, points), shape=state.shape)
+
+    def _query(self, state: AdaptiveState, points: SurfacePoints) -> tuple:
         state.check_owned()
-        return _visibility(
-            state.tree, points, state.frame, light_offset(points, state.frame),
-            anchor(points, state.frame), self.bias, shape=state.shape,
+        frame = state.frame
+        return (
+            state.tree, points, frame,
+            light_offset(points, frame), anchor(points, frame), self.bias,
         )  # fmt: skip
 
     def cost(self, state: AdaptiveState) -> Cost:
@@ -223,8 +226,14 @@ class AdaptiveShadowMap(ShadowAlgorithm[AdaptiveState]):
 
 
 @partial(jax.jit, static_argnames="shape")
-def _visibility(tree: Tree, points: SurfacePoints, frame, offset, anchor, bias, *, shape):
+def _lookup(tree: Tree, points: SurfacePoints, frame, offset, anchor, bias, *, shape):
     receivers = project(points, frame, offset)
     address = address_of(points, anchor, receivers, frame.perspective)
     lit, level = lookup(shape, tree, receivers, address, bias=bias, perspective=frame.perspective)
     return lit.astype(points.position.dtype), shape.log2_resolution(level)
+
+
+@partial(jax.jit, static_argnames="shape")
+def _visibility(*query, shape):
+    # Without the levels, which nobody reads then: a fifth less time.
+    return _lookup(*query, shape=shape)[0]

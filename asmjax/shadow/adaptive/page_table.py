@@ -112,15 +112,54 @@ class PageTable:
         Level-0 pages must come first, before any other. Returns (k,) bool: which found room; the
         others are not served.
         """
+        level = squares[1].astype(np.int64)
+        value = (pages.astype(np.int32) << LEVEL_BITS) | level.astype(np.int32)
+        face, _, column, row = squares.astype(np.int64)
+        bits, done = self.shape.log2_nodes_at(level), self.shape.log2_top
         placed = np.ones(pages.size, bool)
-        levels = squares[1]
-        for level in np.unique(levels):
-            which = np.flatnonzero(levels == level)
-            at, fits = self._blocks(squares[:, which], int(level))
-            placed[which[~fits]] = False
-            value = (pages[which[fits]] << LEVEL_BITS) | int(level)
-            self._fill(at.reshape(-1), np.repeat(value.astype(np.int32), at.shape[1]))
+        # Number of the first of the entries that a square covers, log2 of how many a side.
+        corner, spread = np.zeros((2, pages.size), np.int64)
+        base, log2_side, left = (face << done) << done, done, np.arange(pages.size)
+        while True:
+            # All squares at once go down one table; some end in it, the others in tables below.
+            shift, mask = bits[left] - done, (1 << log2_side) - 1
+            down = np.maximum(shift, 0)
+            x, y = (column[left] >> down) & mask, (row[left] >> down) & mask
+            ends = shift <= 0
+            up = np.maximum(-shift, 0)
+            at = base + (((y << up) & mask) << log2_side) + ((x << up) & mask)
+            corner[left[ends]], spread[left[ends]] = at[ends], up[ends]
+            left, at = left[~ends], at[~ends]
+            if not left.size:
+                break
+            table = self._tables(at)
+            placed[left[table < 0]] = False
+            left, table = left[table >= 0], table[table >= 0].astype(np.int64)
+            base = self.shape.top_entries + table * _ENTRIES
+            done, log2_side = done + LOG2_TABLE, LOG2_TABLE
+        self._fill(*self._blocks(corner[placed], spread[placed], bits[placed], value[placed]))
         return placed
+
+    def _blocks(self, corner, spread, bits, value) -> tuple[np.ndarray, np.ndarray]:
+        """All entries of squares of `1 << spread` entries a side, and their values, deepest last.
+
+        Where two squares meet in an entry, the later one is written over the other.
+        """
+        at, values = [], []
+        inside = bits > self.shape.log2_top
+        for below in (False, True):
+            log2_side = LOG2_TABLE if below else self.shape.log2_top
+            for log2 in np.unique(spread[inside == below]):
+                which = np.flatnonzero((inside == below) & (spread == log2))
+                step = np.arange(1 << log2)
+                block = ((step[:, None] << log2_side) + step).reshape(-1)
+                at.append((corner[which, None] + block).reshape(-1))
+                values.append(np.repeat(value[which], block.size))
+        if not at:
+            return np.zeros(0, np.int64), np.zeros(0, np.int32)
+        at, values = np.concatenate(at), np.concatenate(values)
+        order = np.argsort(level_of(values).astype(np.uint8), kind="stable")
+        return at[order], values[order]
 
     def replace(self, pages: np.ndarray, heirs: np.ndarray) -> None:
         """Pages (k,) are given up: entries that name one name its heir's entry (k,) instead."""
@@ -137,42 +176,6 @@ class PageTable:
     def _note(self, at: np.ndarray) -> None:
         if self._changed is not None:
             self._changed.append(at.reshape(-1))
-
-    def _blocks(self, squares: np.ndarray, level: int) -> tuple[np.ndarray, np.ndarray]:
-        """Flat entries (fitting, m) that the squares of one level cover, tables made for them; and
-        which of the squares found room."""
-        shape = self.shape
-        face, _, column, row = squares.astype(np.int64)
-        bits, done = shape.log2_nodes_at(level), shape.log2_top
-        fits = np.ones(face.size, bool)
-        if bits <= done:
-            shift = done - bits
-            step = np.arange(1 << shift)
-            block = (step[:, None] << done) + step
-            corner = (((face << done) + (row << shift)) << done) + (column << shift)
-            return corner[:, None] + block.reshape(-1), fits
-        shift = bits - done
-        entry = (((face << done) + (row >> shift)) << done) + (column >> shift)
-        while True:
-            table = self._tables(entry)
-            fits[np.flatnonzero(fits)[table < 0]] = False
-            keep = table >= 0
-            table, column, row = table[keep], column[keep], row[keep]
-            done += LOG2_TABLE
-            base = shape.top_entries + table.astype(np.int64) * _ENTRIES
-            if bits <= done:
-                break
-            shift = bits - done
-            inside = (((row >> shift) & (_SIDE - 1)) << LOG2_TABLE) + (
-                (column >> shift) & (_SIDE - 1)
-            )
-            entry = base + inside
-        shift = done - bits
-        mask = _SIDE - 1
-        step = np.arange(1 << shift)
-        corner = (((row << shift) & mask) << LOG2_TABLE) + ((column << shift) & mask)
-        block = (step[:, None] << LOG2_TABLE) + step
-        return (base + corner)[:, None] + block.reshape(-1), fits
 
     def _tables(self, entry: np.ndarray) -> np.ndarray:
         """The table of each entry, made where it names a page; -1 where none is left."""

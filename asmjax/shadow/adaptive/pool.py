@@ -17,6 +17,10 @@ from asmjax.shadow.adaptive.shape import TreeShape
 _DEEPEST = 24
 """log2 of the squares a side that the order along the curve can tell apart."""
 
+RESERVE_SHARE = 32
+"""Room made of unused pages leaves this part of all pages free, so that the next frames of a walk
+need not make any: choosing who goes takes as long as placing who comes."""
+
 
 @dataclass(frozen=True)
 class Requests:
@@ -127,7 +131,8 @@ class NodePool:
         requests, key = requests.take(new & first), key[new & first]
         evicted = 0
         if requests.count > self.free_pages:
-            evicted += self.evict(self.unused(oldest)[: requests.count - self.free_pages])
+            room = requests.count - self.free_pages + self.shape.pages // RESERVE_SHARE
+            evicted += self.evict(self.unused(oldest)[:room])
         wins = np.arange(requests.count) < self.free_pages
         if replace and not wins.all():
             wins, losers = self._contest(requests.benefit)

@@ -22,27 +22,29 @@ class Wish(Enum):
     FOLLOW = "a moving view: mismatched edges, and coarse coverage where there are none"
 
 
+_EDGES_ONLY = (Wish.EDGES, Wish.FINER_EDGES)
+"""Wishes of pixels that straddle an edge, which all face the light."""
+
+
 def requests_of(shape: TreeShape, analysis: Analysis, audience: Audience, wish: Wish) -> Requests:
     """The nodes that the receivers ask for, each once, with benefit and N_required.
 
     A receiver asks for the node over it at its target level: several levels at once where it
     needs them. N_required = N_current * area ratio, its largest value over the node's square.
     """
-    level = level_of(np.asarray(analysis.entry))
-    target, straddles = np.asarray(analysis.target), np.asarray(analysis.straddles)
-    if wish is Wish.COARSE_COVERAGE:
-        target = np.asarray(analysis.coarse)
-    elif wish is Wish.FINER_EDGES:
+    entry, straddles = np.asarray(analysis.entry), np.asarray(analysis.straddles)
+    level = level_of(entry)
+    target = np.asarray(analysis.coarse if wish is Wish.COARSE_COVERAGE else analysis.target)
+    if wish is Wish.FINER_EDGES:
         target = np.maximum(target, np.minimum(level + 1, np.asarray(analysis.finest)))
     elif wish is Wish.FOLLOW:
         target = np.where(straddles, target, np.asarray(analysis.coarse))
-    wants = np.asarray(audience.receivers.facing) & (level < target)
-    if wish in (Wish.EDGES, Wish.FINER_EDGES):
-        wants &= straddles
+    wants = level < target
+    wants &= straddles if wish in _EDGES_ONLY else np.asarray(audience.receivers.facing)
     who = np.flatnonzero(wants)
     level, target = level[who].astype(np.int64), target[who].astype(np.int64)
-    at = np.asarray(audience.address.at)[:, who].astype(np.int64)
-    column, row = at >> (BITS - shape.log2_nodes_at(target))
+    shift = BITS - shape.log2_nodes_at(target)
+    column, row = (np.asarray(at)[who] >> shift for at in (audience.address.x, audience.address.y))
     face = np.asarray(audience.receivers.face)[who].astype(np.int64)
     # Nodes of a level are below 2^26 a side: face, level, row, column fit into 63 bits.
     key = ((((face << 5) + target) << 26) + row << 26) + column
