@@ -24,6 +24,7 @@ from asmjax.shadow import AdaptiveShadowMap
 from asmjax.shadow.adaptive import AdaptiveState
 from asmjax.shadow.adaptive.address import BITS, address_of, anchor
 from asmjax.shadow.adaptive.blocks import DARK, LIT, decided, visibility_by_blocks
+from asmjax.shadow.adaptive.bounds import page_bounds, pyramid
 from asmjax.shadow.adaptive.page_table import find_entries, level_of, page_of, take
 from asmjax.shadow.adaptive.planar_blocks import blocks_of
 from asmjax.shadow.adaptive.tree import page_outcome, serve
@@ -100,7 +101,9 @@ def test_blocks(benchmark, scene, samples):
         each_pixel=each_pixel,
         by_blocks=by_blocks,
         classification=lambda: decided(algorithm, state, blocks),
-        bounds_of_subtrees=lambda: state.pool.pyramid(),
+        bounds_of_subtrees=lambda: pyramid(
+            page_bounds(state.tree), state.pool.held(), state.pool.ends()
+        ),
         preparing_blocks=lambda: len(blocks_of(*eyes).eyes),
         preparing_seen=lambda: len([seen_points(e) for e in eyes]),
     )  # fmt: skip
@@ -181,7 +184,7 @@ def test_last_leaf_cache(benchmark, scene):
     entries = jax.jit(lambda p, *a: serve(shape, tree, *projected(p, *a)))
     last, now = entries(*arguments(before)), entries(*arguments(points))
     pages = pool.held()
-    leaf = pages[pool._ends() - np.arange(pages.size) == 1]
+    leaf = pages[pool.ends() - np.arange(pages.size) == 1]
     squares = np.full((2, shape.pages), -1, np.int32)
     squares[:, leaf] = pool.squares[2:, leaf]
     leaves = jnp.asarray(squares)
@@ -218,10 +221,11 @@ def test_last_leaf_cache(benchmark, scene):
 def test_culling_by_page(benchmark, scene):
     """Pixels on pages of one primitive, their own, are lit without looking at a texel."""
     state, bias = scene.state, scene.algorithm.bias
-    shape, tree, frame, bounds = state.shape, state.tree, state.frame, state.pool.bounds
+    shape, tree, frame = state.shape, state.tree, state.frame
+    _, least, most = map(np.asarray, page_bounds(tree))
     points = seen_points(scene.eye).points
     arguments = points, frame, light_offset(points, frame), anchor(points, frame), bias
-    only = jnp.asarray(np.where(bounds.least == bounds.most, bounds.least.astype(np.int32), -1))
+    only = jnp.asarray(np.where(least == most, least.astype(np.int32), -1))
     without = partial(plain, tree, *arguments, shape=shape)
     by_page = partial(culled, tree, *arguments, only, shape=shape)
     assert np.mean(np.asarray(by_page()) != np.asarray(without())) < 1e-4

@@ -1,16 +1,17 @@
 """Light rays: the one interface between shadow algorithms and whatever casts rays."""
 
 import abc
+from dataclasses import dataclass
+from typing import NamedTuple
 
-import equinox as eqx
-import jax
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Float32, Int32
 
 from asmjax.geometry import LightFrame
 
 
-class TexelWindows(eqx.Module):
+@dataclass(frozen=True, eq=False)
+class TexelWindows:
     """Square windows of texels in a light's image, all of one size, cast in one launch.
 
     Texel (row, column) of window k is centred at `corner[:, k] + (column + 0.5, row + 0.5) *
@@ -26,7 +27,7 @@ class TexelWindows(eqx.Module):
     face: np.ndarray
     corner: np.ndarray
     texel: np.ndarray
-    side: int = eqx.field(static=True)
+    side: int
 
     @property
     def count(self) -> int:
@@ -42,16 +43,16 @@ class TexelWindows(eqx.Module):
         return corner + (self.corner + 0.5 * self.texel) * extent, self.texel * extent
 
 
-class LightBuffer(eqx.Module):
-    """Depth and primitive of the first surface behind each texel of some windows.
+class LightBuffer(NamedTuple):
+    """Depth and primitive of the first surface behind each texel of some windows, on the host.
 
     Attributes:
         depth: (k, side, side) float32 axial depth in scene units, +inf where nothing is hit.
         prim: (k, side, side) int32 global primitive id, -1 where nothing is hit.
     """
 
-    depth: Float[Array, "k side side"]
-    prim: Int[Array, "k side side"]
+    depth: Float32[np.ndarray, "k side side"]
+    prim: Int32[np.ndarray, "k side side"]
 
 
 def whole_image(frame: LightFrame, resolution: int) -> TexelWindows:
@@ -89,5 +90,4 @@ class LightRays(abc.ABC):
             origins, directions = frame.ray(int(face), np.tile(u, side), np.repeat(v, side))
             t, hit = self.closest(origins, directions)
             depth[k], prim[k] = t.reshape(side, side), hit.reshape(side, side)
-        # `jnp.asarray` compiles once per new shape, and the number of windows is new each time.
-        return LightBuffer(jax.device_put(depth), jax.device_put(prim))
+        return LightBuffer(depth, prim)

@@ -1,6 +1,7 @@
 """A walkthrough, frame by frame: the same methods as in a single run, each with what it kept."""
 
 import gc
+import statistics
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
@@ -16,7 +17,7 @@ from asmjax.experiment.methods import (
     queried,
     settings_of,
 )
-from asmjax.experiment.timing import repeated, timed
+from asmjax.experiment.timing import median_by_stage, repeated, timed
 from asmjax.geometry import LightFrame
 from asmjax.scene.spec import LightSpec, ViewSpec
 from asmjax.shadow import (
@@ -90,7 +91,7 @@ class Walkthrough:
 
     Args:
         adaptive: with its cost model calibrated.
-        repeats: timed queries of each method and frame; building cannot be repeated.
+        repeats: timed updates, each of a copy of the state, and queries of each method and frame.
     """
 
     def __init__(self, adaptive: AdaptiveShadowMap, repeats: int):
@@ -151,22 +152,22 @@ class _Runner:
         queried(self.algorithm, state, frame.eyes[:1], 1)
 
     def step(self, frame: FrameInput, id_pass: float, repeats: int) -> Measured:
-        algorithm, eye, light = self.algorithm, frame.eyes[0], self._frame(frame)
-        state = self.state
-        if state is None:
-            before = None
-            state, wall = timed(lambda: algorithm.build(eye, light, frame.rays))
-        else:
-            before = algorithm.cost(state)
-            state, wall = timed(
-                lambda: algorithm.update(state, eye, light, frame.rays, moved=frame.moved)
-            )
+        algorithm = self.algorithm
+        before = None if self.state is None else algorithm.cost(self.state)
+        costs, walls = [], []
+        for run in range(repeats + 1):
+            own = None if self.state is None else algorithm.copied(self.state)
+            state, wall = timed(lambda own=own: self._next(own, frame))
+            if run:
+                costs.append(spent(before, algorithm.cost(state), wall))
+                walls.append(wall)
+        wall = statistics.median(walls)
         self.state = state
         visibility, query = queried(algorithm, state, frame.eyes, repeats)
-        cost = spent(before, algorithm.cost(state), wall)
+        cost = costs[-1]
         if getattr(algorithm, "compare", "depth") == "depth":
             id_pass = 0.0
-        seconds = cost.seconds | {
+        seconds = median_by_stage([cost.seconds for cost in costs]) | {
             "query": query, "id_pass": id_pass, "total": wall + query + id_pass,
         }  # fmt: skip
         return Measured(
@@ -178,6 +179,12 @@ class _Runner:
             effective_resolution=algorithm.effective_resolution(state),
             state=state,
         )
+
+    def _next(self, state, frame: FrameInput):
+        eye, light = frame.eyes[0], self._frame(frame)
+        if state is None:
+            return self.algorithm.build(eye, light, frame.rays)
+        return self.algorithm.update(state, eye, light, frame.rays, moved=frame.moved)
 
     def _frame(self, frame: FrameInput) -> LightFrame:
         return frame.kept if self._keeps else frame.fitted

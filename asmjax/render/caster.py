@@ -4,9 +4,9 @@ Everything that comes back is copied once, with its dtype asserted.
 """
 
 from collections.abc import Callable
+from contextlib import nullcontext
 from typing import NamedTuple
 
-import jax
 import numpy as np
 
 from asmjax.buffers import LightBuffer, LightRays, TexelWindows
@@ -16,6 +16,9 @@ from asmjax.render.threads import all_threads
 
 LANES = 1 << 24
 """Texels cast in one launch at most; larger requests are cut (memory: about 40 bytes a texel)."""
+
+FEW_LANES = 1 << 13
+"""Launches of up to this many rays are done before a second thread has started."""
 
 
 def _rows(v) -> np.ndarray:
@@ -193,10 +196,7 @@ class MitsubaRays(LightRays):
         ]
         depth, prim = parts[0] if len(parts) == 1 else map(np.concatenate, zip(*parts, strict=True))
         shape = (windows.count, windows.side, windows.side)
-        # `jnp.asarray` compiles once per new shape, and the number of windows is new each time.
-        return LightBuffer(
-            jax.device_put(depth.reshape(shape)), jax.device_put(prim.reshape(shape))
-        )
+        return LightBuffer(depth.reshape(shape), prim.reshape(shape))
 
     def _launch(
         self, frame: LightFrame, windows: TexelWindows, start: int, count: int
@@ -235,7 +235,7 @@ class MitsubaRays(LightRays):
             axis = mi.Vector3f(*(dr.gather(mi.Float, row, window) for row in axis))
             ray = mi.Ray3f(mi.Point3f(at), axis)
         t, prim, _ = self._intersect(ray)
-        with all_threads():
+        with all_threads() if count > FEW_LANES else nullcontext():
             dr.eval(t, prim)
             depth, prim = t.numpy(), prim.numpy()
         assert depth.dtype == np.float32 and prim.dtype == np.int32

@@ -91,7 +91,7 @@ def _tree_picture(result: RunResult, state: AdaptiveState) -> TreePicture:
     def cast(face: int, u: float, v: float, size: float, side: int) -> np.ndarray:
         corner, texel = np.array([[u], [v]]), np.full((2, 1), size / side)
         windows = TexelWindows(np.array([face]), corner, texel, side)
-        return np.asarray(result.rays.light_buffer(result.frame, windows).depth)[0]
+        return result.rays.light_buffer(result.frame, windows).depth[0]
 
     return TreePicture(
         level=nodes.level,

@@ -115,6 +115,10 @@ class ShadowAlgorithm(eqx.Module, Generic[State]):
         """
 
     @abc.abstractmethod
+    def copied(self, state: State) -> State:
+        """A state like `state` that may be handed to `update` while `state` stays good."""
+
+    @abc.abstractmethod
     def visibility(self, state: State, points: SurfacePoints) -> Float[Array, " n"]:
         """1 where a point is lit, 0 where it is in shadow; 0 where it is not valid."""
 

@@ -87,7 +87,8 @@ class UniformShadowMap(ShadowAlgorithm[UniformState]):
         start = time.perf_counter()
         windows = whole_image(frame, self.resolution)
         buffer = rays.light_buffer(frame, windows)
-        depth, prim = stored(self.compare, buffer.depth.reshape(-1), buffer.prim.reshape(-1))
+        texels = (jax.device_put(part.reshape(-1)) for part in buffer)
+        depth, prim = stored(self.compare, *texels)
         jax.block_until_ready((depth, prim))
         seconds = time.perf_counter() - start
         return UniformState(frame, depth, prim, seconds, windows.texels)
@@ -97,6 +98,10 @@ class UniformShadowMap(ShadowAlgorithm[UniformState]):
         if self.keep and moved is None and eqx.tree_equal(state.frame, frame):
             return replace(state, seconds=0.0, rays=0)
         return self.build(view, frame, rays)
+
+    def copied(self, state: UniformState) -> UniformState:
+        """`state` itself: nothing takes it over."""
+        return state
 
     def visibility(self, state: UniformState, points: SurfacePoints) -> Float[Array, " n"]:
         offset = light_offset(points, state.frame)

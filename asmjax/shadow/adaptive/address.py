@@ -8,7 +8,8 @@ point on a border belongs to one node only, at whatever level it is asked.
 Texel numbers beyond 2^31 never appear: a texel is addressed as (page, local).
 """
 
-import equinox as eqx
+from typing import NamedTuple
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -25,7 +26,7 @@ DEEPEST_LOG2 = 24
 """log2 of the finest effective resolution: the renderer's float32 ray directions have 24 bits."""
 
 
-class Anchor(eqx.Module):
+class Anchor(NamedTuple):
     """The map from positions to image coordinates, u = row_u(p) / row_w(p).
 
     Each row is a base, its value at the points' origin, and three weights. `high` + `low` is the
@@ -63,7 +64,7 @@ def anchor(points: SurfacePoints, frame: LightFrame) -> Anchor:
     return Anchor(high, (exact - high).astype(np.float32))
 
 
-class Address(eqx.Module):
+class Address(NamedTuple):
     """Fixed-point image coordinates and what is left below their last bit.
 
     Four arrays and not two: stacked, XLA's CPU backend takes twice as long for a lookup.

@@ -1,6 +1,7 @@
 """The adaptive shadow map of Fernando, Fernandez, Bala and Greenberg (2001)."""
 
 import time
+from copy import deepcopy
 from dataclasses import replace
 from functools import partial
 from typing import ClassVar, NamedTuple
@@ -138,19 +139,16 @@ class AdaptiveShadowMap(ShadowAlgorithm[AdaptiveState]):
         lately, else given up. Under a light frame that is not the same, all nodes are.
         """
         state.check_owned()
-        known = replace(self, cost_model=state.host.cost_model)
+        start, host = time.perf_counter(), state.host
         shape = self.tree_shape(frame.faces)
+        host.taken = True
         if shape != state.shape:
-            state.host.taken = True
-            return known.build(view, frame, rays)
-        start = time.perf_counter()
-        host = state.host
-        same_light = eqx.tree_equal(state.frame, frame)
+            return replace(self, cost_model=host.cost_model).build(view, frame, rays)
+        same_light = state.frame is frame or eqx.tree_equal(state.frame, frame)
         pool = host.pool if same_light else NodePool(shape)
         log = replace(host.log)
         if not same_light:
             log.dropped += host.pool.used_pages
-        host.taken = True
         refiner = Refiner(
             self, shape, state.tree, pool, host.cost_model, log, view, frame, rays, start
         )
@@ -163,6 +161,15 @@ class AdaptiveShadowMap(ShadowAlgorithm[AdaptiveState]):
         else:
             refiner.follow()
         return self._state(refiner)
+
+    def copied(self, state: AdaptiveState) -> AdaptiveState:
+        """Tables and texels are copied; raises `UseError` for a state that was taken over."""
+        state.check_owned()
+        host = HostSide(
+            deepcopy(state.pool), state.host.cost_model, replace(state.log), state.host.camera
+        )
+        tree = Tree(*(None if part is None else part.copy() for part in state.tree))
+        return AdaptiveState(tree, state.frame, state.shape, host)
 
     def _state(self, refiner: Refiner) -> AdaptiveState:
         host = HostSide(refiner.pool, refiner.cost_model, refiner.log, refiner.view.camera)

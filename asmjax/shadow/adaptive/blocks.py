@@ -32,7 +32,7 @@ from asmjax.buffers.points import SEEN_STEPS
 from asmjax.numerics import LEAST_DEPTH, dot
 from asmjax.shadow.adaptive.address import BITS, address_of, anchor
 from asmjax.shadow.adaptive.asm import AdaptiveShadowMap
-from asmjax.shadow.adaptive.bounds import Pyramid
+from asmjax.shadow.adaptive.bounds import Bounds
 from asmjax.shadow.adaptive.page_table import find_entries, level_of, page_of, take
 from asmjax.shadow.adaptive.planar_blocks import SIDE, Blocks
 from asmjax.shadow.adaptive.shape import TreeShape
@@ -100,8 +100,7 @@ def decided(
     facing = _facing(corners, blocks.off, frame, offset, anchor(corners, frame))
     return _verdict(
         state.pyramid(), state.tree.entries, corners.prim, facing, algorithm.bias,
-        shape=state.shape, depths=state.tree.depth is not None, ids=state.tree.prim is not None,
-        perspective=frame.perspective,
+        shape=state.shape, perspective=frame.perspective,
     )  # fmt: skip
 
 
@@ -160,21 +159,21 @@ def _facing(corners: SurfacePoints, off, frame, offset, anchor) -> _Facing:
     )  # fmt: skip
 
 
-@partial(jax.jit, static_argnames=("shape", "depths", "ids", "perspective"))
+@partial(jax.jit, static_argnames=("shape", "perspective"))
 def _verdict(
-    pyramid: Pyramid, entries, prim, blocks: _Facing, bias,
-    *, shape: TreeShape, depths: bool, ids: bool, perspective: bool,
+    pyramid: Bounds, entries, prim, blocks: _Facing, bias,
+    *, shape: TreeShape, perspective: bool,
 ):  # fmt: skip
     pages, levels, covered = _pages_over(shape, entries, blocks)
     usable = blocks.usable & covered
-    least = _some(take(pyramid.least, pages), jnp.minimum)
-    most = _some(take(pyramid.most, pages), jnp.maximum)
     own = pack_prim(_four(prim)[0])
     lit, dark = jnp.zeros_like(usable), usable
-    if ids:
+    if pyramid.least is not None and pyramid.most is not None:
+        least = _some(take(pyramid.least, pages), jnp.minimum)
+        most = _some(take(pyramid.most, pages), jnp.maximum)
         lit = usable & (least == own) & (most == own)
         dark &= (own < least) | (own > most)
-    if depths:
+    if pyramid.farthest is not None:
         farthest = _some(take(pyramid.farthest, pages), jnp.maximum)
         coarsest = _some(levels, jnp.minimum)
         dark &= farthest < _nearest_compared(shape, blocks, coarsest, bias, perspective)

@@ -7,62 +7,58 @@ one place in a page tells of all deeper pages beside it. Of the nearest depth no
 (see `asmjax.shadow.adaptive.blocks`); primitives take its place.
 """
 
-import equinox as eqx
+from typing import NamedTuple
+
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, UInt16
 
-
-class PageBounds:
-    """Bounds of each page's own texels, guard band included, on the host; mutable.
-
-    Attributes:
-        farthest: (pages,) float32: largest depth.
-        least, most: (pages,) uint16: smallest and largest packed primitive.
-    """
-
-    def __init__(self, pages: int):
-        self.farthest = np.zeros(pages, np.float32)
-        self.least = np.zeros(pages, np.uint16)
-        self.most = np.zeros(pages, np.uint16)
-
-    @property
-    def bytes(self) -> int:
-        return self.farthest.nbytes + self.least.nbytes + self.most.nbytes
-
-    def note(self, pages: np.ndarray, depth: np.ndarray, prim: np.ndarray) -> None:
-        """Remember what was cast for `pages` (k,): depth and prim (k, side, side)."""
-        # As `pack_prim` does it: the low 16 bits.
-        packed = prim.reshape(pages.size, -1).astype(np.uint16)
-        self.farthest[pages] = depth.reshape(pages.size, -1).max(axis=1)
-        self.least[pages], self.most[pages] = packed.min(axis=1), packed.max(axis=1)
+from asmjax.shadow.adaptive.tree import Tree
 
 
-class Pyramid(eqx.Module):
-    """Bounds of each page's subtree, itself included, on the device. Free pages hold anything.
+class Bounds(NamedTuple):
+    """Bounds of each page's texels, guard band included. Free pages hold anything.
 
     Attributes:
-        farthest: (pages,) largest depth of all texels.
-        least, most: (pages,) smallest and largest packed primitive of all texels.
+        farthest: (pages,) largest depth; None where depths are not stored.
+        least, most: (pages,) smallest and largest packed primitive; None where not stored.
     """
 
-    farthest: Float[Array, " pages"]
-    least: UInt16[Array, " pages"]
-    most: UInt16[Array, " pages"]
+    farthest: Float[Array, " pages"] | None
+    least: UInt16[Array, " pages"] | None
+    most: UInt16[Array, " pages"] | None
 
 
-def pyramid(bounds: PageBounds, pages: np.ndarray, ends: np.ndarray) -> Pyramid:
-    """The pyramid over a tree, whose `pages` (k,) stand in the order of a depth-first walk; `ends`
-    (k,) say where the subtree of each ends in it."""
+@jax.jit
+def page_bounds(tree: Tree) -> Bounds:
+    """Bounds of each page's own texels; the spare page is the last one."""
+    return Bounds(
+        None if tree.depth is None else jnp.max(tree.depth, axis=1),
+        None if tree.prim is None else jnp.min(tree.prim, axis=1),
+        None if tree.prim is None else jnp.max(tree.prim, axis=1),
+    )
+
+
+def pyramid(own: Bounds, pages: np.ndarray, ends: np.ndarray) -> Bounds:
+    """Bounds of each page's subtree, itself included, on the device: the pyramid over a tree.
+
+    `pages` (k,) stand in the order of a depth-first walk; `ends` (k,) say where the subtree of
+    each ends in it.
+    """
     between = np.stack([np.arange(pages.size), ends], axis=1).reshape(-1)
 
-    def subtree(own: np.ndarray, extreme: np.ufunc) -> np.ndarray:
-        result = own.copy()
+    def subtree(bound, extreme: np.ufunc):
+        if bound is None:
+            return None
+        result = np.array(bound)
         # One more element, so that every end is a place; what stands there counts for nobody.
-        walk = np.append(own[pages], own[:1])
+        walk = np.append(result[pages], result[:1])
         result[pages] = extreme.reduceat(walk, between)[::2]
-        return result
+        return jax.device_put(result)
 
-    farthest = subtree(bounds.farthest, np.maximum)
-    least, most = subtree(bounds.least, np.minimum), subtree(bounds.most, np.maximum)
-    return Pyramid(*jax.device_put((farthest, least, most)))
+    return Bounds(
+        subtree(own.farthest, np.maximum),
+        subtree(own.least, np.minimum),
+        subtree(own.most, np.maximum),
+    )

@@ -10,7 +10,6 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from asmjax.shadow.adaptive.bounds import PageBounds, Pyramid, pyramid
 from asmjax.shadow.adaptive.page_table import LEVEL_BITS, PageTable
 from asmjax.shadow.adaptive.shape import TreeShape
 
@@ -70,8 +69,8 @@ class NodePool:
         squares: (4, pages) int32: face, level, column, row of each page.
         key: (pages,) int64: place of each page in the order of a depth-first walk; -1 where free.
         stamp: (pages,) int32: the last look that the page answered in, or was made in.
-        benefit: (pages,) float32: eye pixels that it was made for.
-        bounds: of the texels of each page.
+        benefit: (pages,) float32: eye pixels that it was made for, or the most that it
+            served in one look.
     """
 
     def __init__(self, shape: TreeShape):
@@ -81,7 +80,6 @@ class NodePool:
         self.key = np.full(shape.pages, -1, np.int64)
         self.stamp = np.zeros(shape.pages, np.int32)
         self.benefit = np.zeros(shape.pages, np.float32)
-        self.bounds = PageBounds(shape.pages)
         self._free = np.arange(shape.pages, dtype=np.int32)[::-1].copy()
         self.free_pages = shape.pages
         # Keys in ascending order, and their pages: a depth-first walk, parents before children.
@@ -93,7 +91,7 @@ class NodePool:
         """Bytes of the tables."""
         own = (self.squares, self.key, self.stamp, self.benefit, self._free)
         order = (self._keys, self._pages)
-        return self.table.bytes + self.bounds.bytes + sum(a.nbytes for a in own + order)
+        return self.table.bytes + sum(a.nbytes for a in own + order)
 
     @property
     def used_pages(self) -> int:
@@ -103,9 +101,9 @@ class NodePool:
         """All pages in use, in the order of a depth-first walk."""
         return self._pages
 
-    def pyramid(self) -> Pyramid:
-        """Bounds of all subtrees, on the device."""
-        return pyramid(self.bounds, self._pages, self._ends())
+    def ends(self) -> np.ndarray:
+        """For each of `held`, where its subtree ends in that order."""
+        return self._ends(self._keys)
 
     def roots(self) -> Requests:
         """All level-0 nodes, face by face and row by row."""
@@ -129,14 +127,16 @@ class NodePool:
         first = np.zeros(key.size, bool)
         first[np.unique(key, return_index=True)[1]] = True
         requests, key = requests.take(new & first), key[new & first]
-        evicted = 0
-        if requests.count > self.free_pages:
-            room = requests.count - self.free_pages + self.shape.pages // RESERVE_SHARE
-            evicted += self.evict(self.unused(oldest)[:room])
-        wins = np.arange(requests.count) < self.free_pages
-        if replace and not wins.all():
-            wins, losers = self._contest(requests.benefit)
-            evicted += self.evict(losers)
+        wins, gone = np.ones(requests.count, bool), self._pages[:0]
+        missing = requests.count - self.free_pages
+        if missing > 0:
+            gone = self.unused(oldest)[: missing + self.shape.pages // RESERVE_SHARE]
+            room = self.free_pages + gone.size
+            wins = np.arange(requests.count) < room
+            if replace and room < requests.count:
+                wins, losers = self._contest(requests.benefit, gone)
+                gone = np.concatenate([gone, losers])
+        evicted = self.evict(gone)
         refused = int((~wins).sum())
         requests, key = requests.take(wins), key[wins]
         self.free_pages -= key.size
@@ -156,6 +156,13 @@ class NodePool:
         self._keys = np.insert(self._keys, at, key[order])
         self._pages = np.insert(self._pages, at, pages[order])
         return Admitted(pages, evicted, refused, int((~placed).sum()))
+
+    def use(self, pages: np.ndarray, now: int, weight: int) -> None:
+        """Note that each of `pages` (k,) serves `weight` eye pixels in this look: that it was used,
+        and that it is worth as many as it serves."""
+        self.stamp[pages] = now
+        served = np.bincount(pages, minlength=self.shape.pages) * np.float32(weight)
+        np.maximum(self.benefit, served, out=self.benefit)
 
     def unused(self, oldest: int) -> np.ndarray:
         """Pages whose whole subtree has a stamp below `oldest`, in the order in which they may go:
@@ -192,30 +199,34 @@ class NodePool:
         curve = _spread(column << shift) | (_spread(row << shift) << 1)
         return (((face << (2 * _DEEPEST)) | curve) << LEVEL_BITS) | level
 
-    def _ends(self) -> np.ndarray:
-        """For each page of the walk, where its subtree ends in it."""
-        level = self._keys & ((1 << LEVEL_BITS) - 1)
+    def _ends(self, keys: np.ndarray) -> np.ndarray:
+        """For each page of a walk, given as its keys, where its subtree ends in it."""
+        level = keys & ((1 << LEVEL_BITS) - 1)
         size = np.int64(1) << (2 * (_DEEPEST - self.shape.log2_nodes_at(level)) + LEVEL_BITS)
-        return np.searchsorted(self._keys, self._keys - level + size)
+        return np.searchsorted(keys, keys - level + size)
 
     def _last_use(self) -> np.ndarray:
         """For each page of the walk, the latest stamp of its subtree."""
         stamp = np.append(self.stamp[self._pages], 0)
-        ends = self._ends()
+        ends = self.ends()
         between = np.stack([np.arange(ends.size), ends], axis=1).reshape(-1)
         return np.maximum.reduceat(stamp, between)[::2]
 
-    def _contest(self, benefit: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _contest(self, benefit: np.ndarray, gone: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Newcomers in order, each free page first, then each against the weakest leaf left.
 
-        Returns (k,) bool: which newcomers win; and the pages of the leaves that lose.
+        The pages `gone` count as free. Returns (k,) bool: which newcomers win; and the pages of the
+        leaves that lose.
         """
-        leaf = (self._ends() - np.arange(self._keys.size)) == 1
-        leaf &= self.squares[1, self._pages] > 0
-        pages = self._pages[leaf]
-        order = np.lexsort((self._keys[leaf], -self.squares[1, pages], self.benefit[pages]))
-        weakest = pages[order]
-        wins, lost = np.arange(benefit.size) < self.free_pages, 0
+        stays = np.ones(self.shape.pages, bool)
+        stays[gone] = False
+        stays = stays[self._pages]
+        keys, pages = self._keys[stays], self._pages[stays]
+        leaf = (self._ends(keys) - np.arange(keys.size)) == 1
+        leaf &= self.squares[1, pages] > 0
+        keys, pages = keys[leaf], pages[leaf]
+        weakest = pages[np.lexsort((keys, -self.squares[1, pages], self.benefit[pages]))]
+        wins, lost = np.arange(benefit.size) < self.free_pages + gone.size, 0
         for k in np.flatnonzero(~wins):
             if lost == weakest.size:
                 break

@@ -22,6 +22,9 @@ class Wish(Enum):
     FOLLOW = "a moving view: mismatched edges, and coarse coverage where there are none"
 
 
+FINER_LEVELS = 1
+"""Levels that a pass over finer edges goes deeper, at most."""
+
 _EDGES_ONLY = (Wish.EDGES, Wish.FINER_EDGES)
 """Wishes of pixels that straddle an edge, which all face the light."""
 
@@ -36,7 +39,7 @@ def requests_of(shape: TreeShape, analysis: Analysis, audience: Audience, wish: 
     level = level_of(entry)
     target = np.asarray(analysis.coarse if wish is Wish.COARSE_COVERAGE else analysis.target)
     if wish is Wish.FINER_EDGES:
-        target = np.maximum(target, np.minimum(level + 1, np.asarray(analysis.finest)))
+        target = np.maximum(target, np.minimum(level + FINER_LEVELS, np.asarray(analysis.finest)))
     elif wish is Wish.FOLLOW:
         target = np.where(straddles, target, np.asarray(analysis.coarse))
     wants = level < target
@@ -48,7 +51,7 @@ def requests_of(shape: TreeShape, analysis: Analysis, audience: Audience, wish: 
     face = np.asarray(audience.receivers.face)[who].astype(np.int64)
     # Nodes of a level are below 2^26 a side: face, level, row, column fit into 63 bits.
     key = ((((face << 5) + target) << 26) + row << 26) + column
-    order = np.argsort(key, kind="stable")
+    order = np.argsort(key)
     key = key[order]
     first = np.flatnonzero(np.r_[True, key[1:] != key[:-1]]) if key.size else np.zeros(0, int)
     log2_ratio = np.asarray(audience.log2_ratio)[who].astype(np.float64)

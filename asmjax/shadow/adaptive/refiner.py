@@ -3,7 +3,6 @@
 import math
 import time
 from collections.abc import Iterator
-from dataclasses import replace
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -29,7 +28,7 @@ BUCKETS = (16, 128, 1024)
 LEAST_SHARE = 12
 """A pass may always take this part of all pages, so that the last ones do not take many passes."""
 
-BUSY_SHARE = 64
+BUSY_SHARE = 16
 """A pass over one turn's share of the pixels that makes more than this part of all pages is
 followed by another; less is left to the next turns, or to a thorough look."""
 
@@ -111,16 +110,18 @@ class Refiner:
         """Refine a view at rest until nothing is left to gain or a limit ends it."""
         # Turns go on from update to update: where a limit ends each after its first look, all
         # pixels still are seen, and no page that serves one of them looks unused.
-        covered, turn = True, self.log.frame
+        covered, turn, looking = True, self.log.frame, None
         for stage in self._stages():
             if stage.if_uncovered and covered:
                 continue
-            looking = None
+            if stage.thorough:
+                looking = None
             for done in range(1, stage.passes + 1):
                 # A thorough stage sees every pixel once, then only those near an edge: no others
-                # can have anything left to gain. Else others get their turn.
+                # can have anything left to gain. Else the first pass looks at the same pixels as
+                # the stage before, the next ones give others their turn.
                 wanted, looking, straddles = self._look(stage.wish, stage.thorough, turn, looking)
-                looking, turn = looking.only(straddles) if stage.thorough else None, turn + 1
+                turn += 1
                 free = self.pool.free_pages
                 allowed = max(int(stage.share * free), self.shape.pages // LEAST_SHARE, 1)
                 if stage.wish is Wish.COVERAGE and not stage.if_uncovered:
@@ -129,6 +130,7 @@ class Refiner:
                 few = 0 if stage.thorough else self.shape.pages // BUSY_SHARE
                 if made <= few or self.log.status.is_limit:
                     break
+                looking = looking.only(straddles) if stage.thorough else None
                 if done == stage.passes and stage.wish in (Wish.EDGES, Wish.FINER_EDGES):
                     self.log.status = Status.PASS_LIMIT
             if self.log.status.is_limit:
@@ -195,7 +197,8 @@ class Refiner:
             )
         self.log.status = Status.COMPLETE
         facing = np.asarray(looking.receivers.facing)
-        self.pool.stamp[page_of(np.asarray(analysis.entry)[facing])] = self.log.frame
+        pages = page_of(np.asarray(analysis.entry)[facing])
+        self.pool.use(pages, self.log.frame, looking.weight)
         wanted = requests_of(self.shape, analysis, looking, wish)
         wanted = most_profitable_first(wanted, self.cost_model)
         self.last_look = time.perf_counter() - began
@@ -238,14 +241,12 @@ class Refiner:
         if pages.size == 0:
             # Others may have been given up all the same: they must serve nobody.
             entries = self.pool.table.on_device(self.tree.entries)
-            self.tree = replace(self.tree, entries=entries)
+            self.tree = self.tree._replace(entries=entries)
             return
         began = time.perf_counter()
         pages = pages[np.argsort(self.pool.key[pages])]
         windows = page_windows(self.shape, self.pool.squares[:, pages])
-        buffer = self.rays.light_buffer(self.frame, windows)
-        depth, prim = np.asarray(buffer.depth), np.asarray(buffer.prim)
-        self.pool.bounds.note(pages, depth, prim)
+        depth, prim = self.rays.light_buffer(self.frame, windows)
         tree = self.tree
         stored = tree.depth, tree.prim
         for start in range(0, pages.size, BUCKETS[-1]):

@@ -27,11 +27,11 @@ ENTRY_BYTES = 2 * 4
 CAMERA_BYTES = 160
 """Room for the camera that a state remembers."""
 
-PAGE_TABLES_BYTES = 56
-"""Bytes of a page in the host's tables (`NodePool`): square, order, use, benefit and bounds."""
+PAGE_TABLES_BYTES = 48
+"""Bytes of a page in the host's tables (`NodePool`): square, order, use and benefit."""
 
 PYRAMID_BYTES = 8
-"""Bytes of a page in the `Pyramid` on the device."""
+"""Bytes of a page's `Bounds` on the device."""
 
 START_LOG2 = 9
 """log2 of the starting resolution of the 2001 paper, 512 x 512."""

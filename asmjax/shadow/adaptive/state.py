@@ -6,7 +6,7 @@ import equinox as eqx
 
 from asmjax.errors import require
 from asmjax.geometry import Camera, LightFrame
-from asmjax.shadow.adaptive.bounds import Pyramid
+from asmjax.shadow.adaptive.bounds import Bounds, page_bounds, pyramid
 from asmjax.shadow.adaptive.cost_model import CostModel
 from asmjax.shadow.adaptive.pool import NodePool
 from asmjax.shadow.adaptive.shape import TreeShape
@@ -54,7 +54,7 @@ class HostSide:
     def __init__(self, pool: NodePool, cost_model: CostModel, log: BuildLog, camera: Camera):
         self.pool, self.cost_model, self.log, self.camera = pool, cost_model, log, camera
         self.taken = False
-        self.pyramid: Pyramid | None = None
+        self.pyramid: Bounds | None = None
 
     def __eq__(self, other):
         return isinstance(other, HostSide)
@@ -81,11 +81,12 @@ class AdaptiveState(eqx.Module):
         self.check_owned()
         return self.host.log
 
-    def pyramid(self) -> Pyramid:
+    def pyramid(self) -> Bounds:
         """Bounds of the texels of all pages; made when first asked for, then kept."""
         self.check_owned()
         if self.host.pyramid is None:
-            self.host.pyramid = self.host.pool.pyramid()
+            pool = self.host.pool
+            self.host.pyramid = pyramid(page_bounds(self.tree), pool.held(), pool.ends())
         return self.host.pyramid
 
     def check_owned(self) -> None:

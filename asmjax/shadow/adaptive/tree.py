@@ -7,8 +7,8 @@ of their own and own none. Level 0 is a grid of nodes that together make up the 
 """
 
 from functools import partial
+from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, UInt16
@@ -20,7 +20,7 @@ from asmjax.shadow.adaptive.shape import GUARD, TreeShape
 from asmjax.shadow.comparison import Compare, lit_by_texel, pack_prim, stored
 
 
-class Tree(eqx.Module):
+class Tree(NamedTuple):
     """The arrays of a tree on the device.
 
     Attributes:
