@@ -121,7 +121,8 @@ def test_any_pose_anywhere_has_exact_addresses(seed, kind, place_of):
     points, frame = posed(seed, kind, shift, np.float32)
     receivers, address = addressed(points, frame)
     off = texels_off(place(address), ref_place(points, frame, receivers.face))
-    assert off.max() < 1e-3
+    # The anchor has 48 bits: in an image so narrow that the eye is 10^5 widths away, some are lost.
+    assert (off < np.maximum(1e-3, 2.0**-24 * image_widths(points, frame, receivers))).all()
 
 
 def unit_frame(perspective: bool) -> LightFrame:

@@ -147,9 +147,10 @@ class _Runner:
         self._keeps = keeps
 
     def compile(self, frame: FrameInput) -> None:
-        """Build and query once; nothing is kept."""
+        """Build and query once, and compile what later frames may call; nothing is kept."""
         state = self.algorithm.build(frame.eyes[0], self._frame(frame), frame.rays)
         queried(self.algorithm, state, frame.eyes[:1], 1)
+        self.algorithm.warm_up(state, frame.eyes[0], self._frame(frame))
 
     def step(self, frame: FrameInput, id_pass: float, repeats: int) -> Measured:
         algorithm = self.algorithm

@@ -115,6 +115,10 @@ class ShadowAlgorithm(eqx.Module, Generic[State]):
         """
 
     @abc.abstractmethod
+    def warm_up(self, state: State, view: EyeBuffer, frame: LightFrame) -> None:
+        """Compile what later updates for views of this size may call: none then waits for it."""
+
+    @abc.abstractmethod
     def copied(self, state: State) -> State:
         """A state like `state` that may be handed to `update` while `state` stays good."""
 

@@ -99,6 +99,9 @@ class UniformShadowMap(ShadowAlgorithm[UniformState]):
             return replace(state, seconds=0.0, rays=0)
         return self.build(view, frame, rays)
 
+    def warm_up(self, state: UniformState, view: EyeBuffer, frame: LightFrame) -> None:
+        """Nothing: every update calls the same."""
+
     def copied(self, state: UniformState) -> UniformState:
         """`state` itself: nothing takes it over."""
         return state

@@ -248,9 +248,12 @@ class SlowASM:
     def _look(self, pixels: list[Pixel], share: int, wish: str) -> tuple[list[Request], list]:
         """What the pixels wish for, most profitable first; and those of them at an edge."""
         settings, requests, edges = self.settings, {}, []
+        served: dict[int, int] = {}
         for pixel in pixels:
             node = self._serving(pixel)
             node.stamp = self.frame
+            served[id(node)] = served.get(id(node), 0) + share
+            node.benefit = max(node.benefit, served[id(node)])
             edge = self._straddles(node, pixel)
             matched = self._level_for(pixel, settings.ratio_target)
             coarse = self._level_for(pixel, settings.ratio_target * COARSE)
@@ -297,28 +300,30 @@ class SlowASM:
             stages.insert(0, ("coarse coverage", 0.25, 1, False))
             stages.insert(2, ("coverage", 0.25, 1, False))
         self.camera, turn, owed = view.camera, self.frame, False
+        before: list[Pixel] | None = None
         while stages:
             wish, part, passes, thorough = stages.pop(0)
-            share = 1 if thorough else settings.pixel_share
-            pixels, chosen = self._pixels(view, share, turn), False
+            share, chosen = 1 if thorough else settings.pixel_share, False
+            # Two stages in a row that take a share of the pixels begin with the same.
+            pixels = self._pixels(view, share, turn) if before is None or thorough else before
             for done in range(1, passes + 1):
                 self.status = Status.COMPLETE
                 wanted, edges = self._look(pixels, share, wish)
-                turn += 1
-                if not thorough:
-                    pixels = self._pixels(view, share, turn)
-                elif not chosen and len(edges) * FEW <= view.points.count + FEW - 1:
-                    pixels, chosen = edges, True
+                turn, before = turn + 1, None if thorough else pixels
                 within = int(part * self._free())
                 if wish == "coverage" and part < 1:
                     owed = len(wanted) > within
                 allowed = max(within, self.shape.pages // LEAST_SHARE, 1)
                 made = self._make(wanted[:allowed], replace=wish == "edges")
                 few = 0 if thorough else self.shape.pages // BUSY_SHARE
-                if made <= few or self.status.is_limit:
+                if self.status.is_limit or (made <= few and not chosen):
                     break
                 if done == passes and "edges" in wish:
                     self.status = Status.PASS_LIMIT
+                if not thorough or made == 0:
+                    pixels, chosen = self._pixels(view, share, turn), False
+                elif not chosen and len(edges) * FEW <= view.points.count + FEW - 1:
+                    pixels, chosen = edges, True
             if self.status.is_limit:
                 break
             if not stages and owed:

@@ -1,5 +1,6 @@
 """The adaptive shadow map of Fernando, Fernandez, Bala and Greenberg (2001)."""
 
+import math
 import time
 from copy import deepcopy
 from dataclasses import replace
@@ -16,7 +17,7 @@ from asmjax.errors import require
 from asmjax.geometry import LightFrame
 from asmjax.shadow.adaptive.address import address_of, anchor
 from asmjax.shadow.adaptive.cost_model import CostModel, calibrate
-from asmjax.shadow.adaptive.look import MEASURES
+from asmjax.shadow.adaptive.look import MEASURES, compile_looks
 from asmjax.shadow.adaptive.motion import touched
 from asmjax.shadow.adaptive.pool import NodePool
 from asmjax.shadow.adaptive.refiner import Refiner
@@ -116,6 +117,11 @@ class AdaptiveShadowMap(ShadowAlgorithm[AdaptiveState]):
     def name(self) -> str:
         return f"adaptive-{self.memory_bytes / 2**20:g}MB"
 
+    @property
+    def goals(self) -> tuple[float, float, float]:
+        """What a look is told: log2 of the ratios to match and to end at, and the bias."""
+        return math.log2(self.ratio_target), math.log2(self.finest_ratio), self.bias
+
     def build(self, view: EyeBuffer, frame: LightFrame, rays: LightRays) -> AdaptiveState:
         """Raises `UseError` where the memory limit does not hold one node per face."""
         cost_model = self.cost_model or calibrate(rays, frame)
@@ -162,13 +168,21 @@ class AdaptiveShadowMap(ShadowAlgorithm[AdaptiveState]):
             refiner.follow()
         return self._state(refiner)
 
+    def warm_up(self, state: AdaptiveState, view: EyeBuffer, frame: LightFrame) -> None:
+        """Looks at any number of pixels, and all sizes that new pages are stored in."""
+        state.check_owned()
+        compile_looks(
+            state.tree, view, frame, self.goals,
+            shape=state.shape, measure=self.measure, share=self.pixel_share,
+        )  # fmt: skip
+
     def copied(self, state: AdaptiveState) -> AdaptiveState:
         """Tables and texels are copied; raises `UseError` for a state that was taken over."""
         state.check_owned()
         host = HostSide(
             deepcopy(state.pool), state.host.cost_model, replace(state.log), state.host.camera
         )
-        tree = Tree(*(None if part is None else part.copy() for part in state.tree))
+        tree = jax.tree.map(lambda part: part.copy(), state.tree)
         return AdaptiveState(tree, state.frame, state.shape, host)
 
     def _state(self, refiner: Refiner) -> AdaptiveState:

@@ -122,6 +122,35 @@ def first_look(
     return _first_look(tree, arguments, goals, shape=shape, measure=measure, weight=share)
 
 
+def compile_looks(
+    tree: Tree,
+    view: EyeBuffer,
+    frame: LightFrame,
+    goals: tuple[float, float, float],
+    *,
+    shape: TreeShape,
+    measure: str,
+    share: int,
+) -> None:
+    """Have looks of every size compiled: at all pixels, at few of them near edges, at one turn's
+    share of them whatever part sees a surface, and at those again."""
+    arguments = _arguments(view, frame, 1, 0)
+    sizes = [None] if share == 1 else [None, *_sizes(_pixels(*view.size, share, 0).size)]
+    for size in sizes:
+        pixels = None if size is None else np.full(size, -1, np.int32)
+        weight = 1 if size is None else share
+        looking, _ = _first_look(
+            tree,
+            (*arguments[:4], pixels, *arguments[5:]),
+            goals,
+            shape=shape,
+            measure=measure,
+            weight=weight,
+        )
+        again = looking.only(np.zeros(looking.count, bool)) if size is None else looking
+        analyse(tree, again, *goals, shape=shape, perspective=frame.perspective)
+
+
 def _arguments(view: EyeBuffer, frame: LightFrame, share: int, turn: int) -> tuple:
     points = view.points
     pixels = None if share == 1 else _seen_pixels(view, share, turn % share)
@@ -135,12 +164,16 @@ def _seen_pixels(view: EyeBuffer, share: int, turn: int) -> np.ndarray:
     """One turn's pixels that see a surface, filled up with -1 to a quarter, half or all of them."""
     pixels = _pixels(*view.size, share, turn)
     seen = pixels[(view.shape[pixels] >= 0) & (pixels >= 0)]
-    size = next(
-        s for s in (-(-pixels.size // 4), -(-pixels.size // 2), pixels.size) if s >= seen.size
-    )
+    size = next(size for size in _sizes(pixels.size) if size >= seen.size)
     result = np.full(size, -1, np.int32)
     result[: seen.size] = seen
     return result
+
+
+def _sizes(count: int) -> tuple[int, ...]:
+    """A quarter, a half and all of so many pixels: the sizes of looks at those that see a surface,
+    so that few shapes are ever traced."""
+    return -(-count // 4), -(-count // 2), count
 
 
 @partial(jax.jit, static_argnames=("shape", "measure", "weight"))

@@ -1,6 +1,5 @@
 """The passes that refine a tree: look, decide, cast, store, until a limit or nothing is left."""
 
-import math
 import time
 from collections.abc import Iterator
 from functools import lru_cache
@@ -114,27 +113,29 @@ class Refiner:
         for stage in self._stages():
             if stage.if_uncovered and covered:
                 continue
-            if stage.thorough:
-                looking = None
+            # The first pass looks at the same pixels as the stage before, where both take a share.
+            thorough = stage.thorough
+            following = None if thorough else looking
             for done in range(1, stage.passes + 1):
-                # A thorough stage sees every pixel once, then only those near an edge: no others
-                # can have anything left to gain. Else the first pass looks at the same pixels as
-                # the stage before, the next ones give others their turn.
-                wanted, looking, straddles = self._look(stage.wish, stage.thorough, turn, looking)
+                wanted, looking, straddles = self._look(stage.wish, thorough, turn, following)
                 turn += 1
                 free = self.pool.free_pages
                 allowed = max(int(stage.share * free), self.shape.pages // LEAST_SHARE, 1)
                 if stage.wish is Wish.COVERAGE and not stage.if_uncovered:
                     covered = wanted.count <= int(stage.share * free)
                 made = self._make(wanted.take(slice(allowed)), replace=stage.wish is Wish.EDGES)
-                few = 0 if stage.thorough else self.shape.pages // BUSY_SHARE
-                if made <= few or self.log.status.is_limit:
+                few = 0 if thorough else self.shape.pages // BUSY_SHARE
+                if self.log.status.is_limit or (made <= few and not looking.picked):
                     break
-                looking = looking.only(straddles) if stage.thorough else None
                 if done == stage.passes and stage.wish in (Wish.EDGES, Wish.FINER_EDGES):
                     self.log.status = Status.PASS_LIMIT
+                # A thorough stage sees every pixel, then only those near an edge as long as they
+                # gain; at the end all again: finer texels may have shown an edge to others. A share
+                # of the pixels is followed by another.
+                following = looking.only(straddles) if thorough and made else None
             if self.log.status.is_limit:
                 break
+            looking = None if thorough else looking
         self._finish()
 
     def follow(self) -> None:
@@ -179,12 +180,7 @@ class Refiner:
         an edge.
         """
         began = time.perf_counter()
-        settings = self.settings
-        goals = (
-            math.log2(settings.ratio_target),
-            math.log2(settings.finest_ratio),
-            settings.bias,
-        )
+        settings, goals = self.settings, self.settings.goals
         if looking is None:
             looking, analysis = first_look(
                 self.tree, self.view, self.frame, goals, shape=self.shape,
