@@ -219,6 +219,20 @@ def test_no_requests_change_nothing():
     assert held_by(pool) == before and pool.evict(np.zeros(0, np.int32)) == 0
 
 
+def test_few_requests_wait_for_more_or_for_long_enough():
+    pool = planted(tree_shape(log2_roots=0))
+
+    def gathered(squares):
+        return squares_of(pool.gather(requests_for(squares), 3, 2).squares)
+
+    assert gathered([A]) == [] and gathered([]) == []
+    assert gathered([B]) == [A, B], "the first has waited for two looks"
+    assert gathered([C]) == [] and gathered([D, A]) == [C, D, A], "three are enough"
+    assert gathered([B]) == [] and pool.waiting.count == 1
+    assert squares_of(pool.gather(requests_for([]), 0, 0).squares) == [B]
+    assert pool.waiting.count == pool.waited == 0
+
+
 def test_pages_are_stamped_with_the_look_that_made_them():
     pool = planted(tree_shape(log2_roots=0))
     got = ask(pool, [A])

@@ -495,6 +495,25 @@ def test_one_pixel_in_eight_follows_a_walk_as_well_as_all_of_them():
     assert 0 < total[1] < total[None] / 2, total
 
 
+def test_few_new_nodes_wait_for_more_but_never_long():
+    """Small steps ask for a few nodes each: some wait, for three frames at most, so that there are
+    fewer launches than steps; a view at rest leaves nothing waiting."""
+    steps = [(2.4 - 0.01 * k, 0.0, 0.0) for k in range(20)]
+    cases = walk("a4_disc_light", 96, steps, fov_deg=110.0)
+    algorithm = AdaptiveShadowMap(memory_bytes=2**21, node_resolution=8, cost_model=FAST)
+    state = algorithm.build(cases[0].eye, cases[0].frame, cases[0].rays)
+    least = state.shape.pages // refiner.WORTH_SHARE
+    waited, launches = [], algorithm.cost(state).passes
+    for case in cases[1:]:
+        state = algorithm.update(state, case.eye, case.frame, case.rays)
+        waited.append(state.pool.waited)
+        assert state.pool.waiting.count < least and waited[-1] <= refiner.LONGEST_WAIT
+    assert 1 in waited and 0 in waited
+    assert 0 < algorithm.cost(state).passes - launches < len(waited)
+    state = algorithm.update(state, cases[-1].eye, cases[-1].frame, cases[-1].rays)
+    assert state.pool.waiting.count == 0
+
+
 class Clock:
     """Stands for the module `time`: its seconds pass only while rays are cast."""
 

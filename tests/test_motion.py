@@ -74,7 +74,7 @@ def stale_pages(state, rays) -> list[Square]:
     held = texels_of(state)
     windows = page_windows(state.shape, np.array(list(held)).T)
     now = rays.light_buffer(state.frame, windows)
-    depth, prim = np.asarray(now.depth), np.asarray(pack_prim(now.prim))
+    depth, prim = now.depth, np.asarray(pack_prim(jnp.asarray(now.prim)))
     stale = []
     for k, (square, (old_depth, old_prim)) in enumerate(held.items()):
         if (old_depth != depth[k].ravel()).any() or (old_prim != prim[k].ravel()).any():

@@ -17,7 +17,12 @@ from asmjax.geometry import Camera, LightFrame
 from asmjax.shadow import AdaptiveShadowMap, NodeCounts, Status
 from asmjax.shadow.adaptive.look import COARSE, FEW
 from asmjax.shadow.adaptive.pool import RESERVE_SHARE
-from asmjax.shadow.adaptive.refiner import BUSY_SHARE, FOLLOW_PASSES, LEAST_SHARE
+from asmjax.shadow.adaptive.refiner import (
+    BUSY_SHARE,
+    FOLLOW_PASSES,
+    LEAST_SHARE,
+    WORTH_SHARE,
+)
 from asmjax.shadow.adaptive.shape import GUARD
 from asmjax.shadow.comparison import CURVATURE_BIAS, FLATTEST
 
@@ -336,7 +341,9 @@ class SlowASM:
         for turn in range(self.frame, self.frame + FOLLOW_PASSES):
             share = self.settings.pixel_share
             self.status = Status.COMPLETE
-            wanted, _ = self._look(self._pixels(view, share, turn), share, "follow")
+            wish = "follow" if self.settings.cover else "edges"
+            wanted, _ = self._look(self._pixels(view, share, turn), share, wish)
+            assert self.shape.pages < WORTH_SHARE, "nodes of larger trees wait, not here"
             made = self._make(wanted, replace=True)
             if made <= self.shape.pages // BUSY_SHARE or self.status.is_limit:
                 break

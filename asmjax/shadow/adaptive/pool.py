@@ -43,6 +43,16 @@ class Requests:
         """The requests at the given positions, in that order."""
         return Requests(*(getattr(self, f.name)[..., which] for f in fields(self)))
 
+    def and_then(self, others: "Requests") -> "Requests":
+        """These requests, and `others` after them."""
+        pairs = ((getattr(self, f.name), getattr(others, f.name)) for f in fields(self))
+        return Requests(*(np.concatenate(pair, axis=-1) for pair in pairs))
+
+
+def no_requests() -> Requests:
+    """None at all."""
+    return Requests(np.zeros((4, 0), np.int64), np.zeros(0), np.zeros(0))
+
 
 @dataclass(frozen=True)
 class Admitted:
@@ -69,6 +79,8 @@ class NodePool:
         squares: (4, pages) int32: face, level, column, row of each page.
         key: (pages,) int64: place of each page in the order of a depth-first walk; -1 where free.
         stamp: (pages,) int32: the last look that the page answered in, or was made in.
+        waiting: requests of earlier looks that were too few for a launch of their own.
+        waited: looks since the first of them.
         benefit: (pages,) float32: eye pixels that it was made for, or the most that it
             served in one look.
     """
@@ -80,6 +92,7 @@ class NodePool:
         self.key = np.full(shape.pages, -1, np.int64)
         self.stamp = np.zeros(shape.pages, np.int32)
         self.benefit = np.zeros(shape.pages, np.float32)
+        self.waiting, self.waited = no_requests(), 0
         self._free = np.arange(shape.pages, dtype=np.int32)[::-1].copy()
         self.free_pages = shape.pages
         # Keys in ascending order, and their pages: a depth-first walk, parents before children.
@@ -91,7 +104,8 @@ class NodePool:
         """Bytes of the tables."""
         own = (self.squares, self.key, self.stamp, self.benefit, self._free)
         order = (self._keys, self._pages)
-        return self.table.bytes + sum(a.nbytes for a in own + order)
+        waiting = (self.waiting.squares, self.waiting.benefit, self.waiting.n_required)
+        return self.table.bytes + sum(a.nbytes for a in own + order + waiting)
 
     @property
     def used_pages(self) -> int:
@@ -156,6 +170,16 @@ class NodePool:
         self._keys = np.insert(self._keys, at, key[order])
         self._pages = np.insert(self._pages, at, pages[order])
         return Admitted(pages, evicted, refused, int((~placed).sum()))
+
+    def gather(self, requests: Requests, least: int, longest: int) -> Requests:
+        """Requests together with those that wait, as soon as they are `least` or the first has
+        waited `longest` looks; until then none, and all wait."""
+        together = self.waiting.and_then(requests)
+        if together.count < least and self.waited < longest:
+            self.waiting, self.waited = together, self.waited + 1
+            return no_requests()
+        self.waiting, self.waited = no_requests(), 0
+        return together
 
     def use(self, pages: np.ndarray, now: int, weight: int) -> None:
         """Note that each of `pages` (k,) serves `weight` eye pixels in this look: that it was used,

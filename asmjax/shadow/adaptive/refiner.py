@@ -13,7 +13,7 @@ from asmjax.geometry import LightFrame
 from asmjax.shadow.adaptive.cost_model import CostModel
 from asmjax.shadow.adaptive.look import Audience, analyse, first_look
 from asmjax.shadow.adaptive.page_table import page_of
-from asmjax.shadow.adaptive.pool import NodePool, Requests
+from asmjax.shadow.adaptive.pool import NodePool, Requests, no_requests
 from asmjax.shadow.adaptive.refine import Wish, most_profitable_first, requests_of
 from asmjax.shadow.adaptive.shape import TreeShape, page_windows
 from asmjax.shadow.adaptive.state import BuildLog
@@ -33,6 +33,13 @@ followed by another; less is left to the next turns, or to a thorough look."""
 
 FOLLOW_PASSES = 4
 """Passes of one update for a moving view, at most."""
+
+WORTH_SHARE = 256
+"""New nodes of a moving view that are fewer than this part of all pages wait for more to come: one
+launch takes as long as some thousand rays."""
+
+LONGEST_WAIT = 3
+"""Frames that a new node of a moving view waits at most."""
 
 
 class Stage(NamedTuple):
@@ -110,6 +117,8 @@ class Refiner:
         # Turns go on from update to update: where a limit ends each after its first look, all
         # pixels still are seen, and no page that serves one of them looks unused.
         covered, turn, looking = True, self.log.frame, None
+        # What waited is found again.
+        self.pool.gather(no_requests(), 0, 0)
         for stage in self._stages():
             if stage.if_uncovered and covered:
                 continue
@@ -140,9 +149,14 @@ class Refiner:
 
     def follow(self) -> None:
         """Refine for a moving view: one turn's share of its pixels, matched and no finer."""
+        wish = Wish.FOLLOW if self.settings.cover else Wish.EDGES
+        least = self.shape.pages // WORTH_SHARE
         for turn in range(FOLLOW_PASSES):
-            wanted, *_ = self._look(Wish.FOLLOW, False, self.log.frame + turn)
-            made = self._make(wanted, replace=True)
+            wanted, *_ = self._look(wish, False, self.log.frame + turn)
+            wanted = self.pool.gather(wanted, least, LONGEST_WAIT)
+            if wanted.count == 0:
+                break
+            made = self._make(most_profitable_first(wanted, self.cost_model), replace=True)
             if made <= self.shape.pages // BUSY_SHARE or self.log.status.is_limit:
                 break
         self._finish()

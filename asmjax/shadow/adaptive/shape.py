@@ -27,8 +27,8 @@ ENTRY_BYTES = 2 * 4
 CAMERA_BYTES = 160
 """Room for the camera that a state remembers."""
 
-PAGE_TABLES_BYTES = 48
-"""Bytes of a page in the host's tables (`NodePool`): square, order, use and benefit."""
+PAGE_TABLES_BYTES = 49
+"""Bytes of a page in the host's tables (`NodePool`): square, order, use, benefit and waiting."""
 
 PYRAMID_BYTES = 8
 """Bytes of a page's `Bounds` on the device."""
