@@ -5,9 +5,12 @@ every method needs them. What is timed ends with the visibility of all pixels on
 """
 
 import itertools
+import os
+from contextlib import nullcontext
 from functools import partial
 from typing import NamedTuple
 
+import drjit
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -16,11 +19,13 @@ from helpers.mitsuba_scenes import loaded
 
 from asmjax.buffers import EyeBuffer, LightRays, light_offset, project
 from asmjax.geometry import LightFrame
+from asmjax.render import caster
 from asmjax.scene.path import CameraPath, orbit_keys
 from asmjax.shadow import AdaptiveShadowMap, UniformShadowMap, calibrate
 from asmjax.shadow.adaptive.address import BITS, address_of, anchor
 from asmjax.shadow.adaptive.look import first_look
 from asmjax.shadow.adaptive.page_table import LEVEL_BITS, find_entries, take
+from asmjax.shadow.adaptive.shape import page_windows
 
 pytestmark = pytest.mark.mitsuba
 
@@ -89,6 +94,25 @@ def test_warm_frame(benchmark, walk, settings, still):
 
 def test_query(benchmark, walk, settings, built):
     benchmark(lambda: wait(settings.visibility(built, walk.eyes[0].points)))
+
+
+@pytest.mark.parametrize("workers", ["end", "stay"])
+def test_query_after_a_launch_two_pools(benchmark, walk, settings, built, workers, monkeypatch):
+    """With Dr.Jit's workers gone after each launch, and with them looking for more work."""
+    if workers == "stay":
+        drjit.set_thread_count(os.cpu_count() or 1)
+        monkeypatch.setattr(caster, "all_threads", nullcontext)
+    pages = built.pool.held()[-64:]
+    windows = page_windows(built.shape, built.pool.squares[:, pages])
+
+    def launch():
+        walk.rays.light_buffer(walk.frame, windows)
+
+    benchmark.pedantic(
+        lambda: wait(settings.visibility(built, walk.eyes[0].points)),
+        setup=launch, rounds=100, warmup_rounds=5,
+    )  # fmt: skip
+    drjit.set_thread_count(1)
 
 
 def test_cold_build(benchmark, walk, settings):

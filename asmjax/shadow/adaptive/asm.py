@@ -58,7 +58,7 @@ class AdaptiveShadowMap(ShadowAlgorithm[AdaptiveState]):
             edges and another after them: finds casters that fell between the first texels.
         finest_ratio: memory still left is spent on finer texels along the edges down to this
             texel / pixel size; equal to `ratio_target` spends nothing.
-        max_passes: passes of one build or update.
+        max_passes: passes of one stage of refinement, of which a build has three or four.
         cost_model: calibrated costs; None calibrates in `build`.
     """
 
