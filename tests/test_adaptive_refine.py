@@ -563,6 +563,28 @@ def test_a_time_limit_is_kept_and_told(factor, monkeypatch):
     assert list(held) == sorted(held) and held[0] == 1
 
 
+@pytest.mark.parametrize("limit", [2e-4, 1.0])
+def test_moving_casters_keep_the_time_limit(limit, monkeypatch):
+    """Touched pages that there is no time for are given up: nothing stale is left."""
+    case = analytic_case("a4_disc_light", 64)
+    whole = AdaptiveShadowMap(memory_bytes=2**19, start_resolution=16, cost_model=FAST)
+    clock = Clock()
+    monkeypatch.setattr(asm, "time", clock)
+    monkeypatch.setattr(refiner, "time", clock)
+    rays = ClockedRays(case.rays, clock, 1.0)
+    state = whole.build(case.eye, case.frame, rays)
+    before, start = nodes_of(whole, state), clock.now
+    everything = np.array([[[-50.0, 50.0]] * 3])
+    state = replace(whole, time_limit=limit).update(
+        state, case.eye, case.frame, rays, moved=everything
+    )
+    after = nodes_of(whole, state)
+    assert clock.now - start <= limit
+    assert after.recast + after.dropped - before.dropped == before.held
+    assert (after.dropped == before.dropped) == (limit == 1.0)
+    assert after.recast > state.shape.roots
+
+
 def test_updates_at_rest_finish_what_a_time_limit_cut_short(monkeypatch):
     case = analytic_case("a4_disc_light", 64)
     whole = AdaptiveShadowMap(

@@ -179,7 +179,7 @@ def test_any_view_and_light(x, y, height, aside, lamp, fov):
     eye = analytic_eye(scene.spec.shapes, view)
     light = LightSpec("lamp", "point", (lamp, 0.5, 5.0), (0.0, 0.0, -1.0), fov_deg=100.0)
     frame = light_frame(light, eye, scene_bounds(scene.spec.shapes))
-    algorithm = asm(max_passes=1)
+    algorithm = asm(max_passes=3, cover=False)
     state = algorithm.build(eye, frame, AnalyticRays(scene.spec.shapes))
     counts(algorithm, state, eye)
 
@@ -209,7 +209,7 @@ def test_backs_are_dark_at_once():
 @pytest.mark.parametrize("size", [(61, 83), (7, 40)])
 def test_samples_and_sizes(size):
     """Four samples a pixel are classified once; strips beside whole blocks are looked up."""
-    case = analytic_case("a4_disc_light", SIDE)
+    case = closer("a4_disc_light")
     view = replace(case.view.resized(*size[::-1]), fov_x_deg=0.6 * case.view.fov_x_deg)
     offsets = [(0.0, 0.0), (-0.5, 0.25), (0.499, -0.5), (0.1, 0.4)]
     eyes = [seen_from(case, view, offset) for offset in offsets]

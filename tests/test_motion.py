@@ -35,7 +35,7 @@ each_light = pytest.mark.parametrize("name", LIGHTS)
 
 def asm(**settings) -> AdaptiveShadowMap:
     known: dict[str, Any] = {
-        "memory_bytes": 2**18, "node_resolution": 8, "start_resolution": 32,
+        "memory_bytes": 2**18, "node_resolution": 8, "start_resolution": 32, "pixel_share": 1,
     }  # fmt: skip
     return AdaptiveShadowMap(**known | settings, cost_model=FAST)
 
@@ -252,7 +252,7 @@ def test_pages_given_up_serve_nobody_even_where_none_is_cast():
     shapes, frame = slit_scene()
     below = ViewSpec("below", (0.0, -0.01, 0.6), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 40.0, SIDE, SIDE)
     away = replace(below, target=(0.0, -0.01, 9.0))
-    algorithm = asm(pixel_share=1, start_resolution=8)
+    algorithm = asm(start_resolution=8)
     eye, nothing = analytic_eye(shapes, below), analytic_eye(shapes, away)
     state = algorithm.build(eye, frame, AnalyticRays(shapes))
     lit = np.asarray(algorithm.visibility(state, eye.points))

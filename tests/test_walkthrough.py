@@ -17,7 +17,8 @@ from asmjax.shadow import AdaptiveShadowMap, Cost, CostModel, NodeCounts
 
 SIDE = 48
 MODEL = CostModel(1e-8, 1e-5, 0.0)
-ADAPTIVE = AdaptiveShadowMap(memory_bytes=2**18, cost_model=MODEL)
+ADAPTIVE = AdaptiveShadowMap(memory_bytes=2**18, pixel_share=1, cost_model=MODEL)
+"""Its looks take every pixel, so that one size of them is compiled."""
 
 
 @dataclass

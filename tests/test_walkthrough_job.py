@@ -70,14 +70,6 @@ def test_every_frame_has_the_methods_of_a_single_run(camera_walk):
     assert float(rows[6]["nodes_reused"]) > 0
 
 
-def test_a_folder_holds_one_run(tmp_path):
-    """Files of a single view or of a longer walk do not stay behind; a user's own do."""
-    for name in (*SINGLE_RUN, "frame_0007.npz", "notes.txt"):
-        (tmp_path / name).touch()
-    walk(tmp_path, "letter_f", "--frames", "1")
-    assert {path.name for path in tmp_path.iterdir()} == FILES | {"notes.txt"}
-
-
 def test_the_light_moves_and_nothing_can_rest(tmp_path):
     """Both uniform maps are drawn in every frame, and the light is where the report says."""
     report = walk(tmp_path, "letter_f", "--frames", "3", "--motion", "light")
@@ -103,17 +95,35 @@ def test_an_object_moves(tmp_path):
             )
 
 
-def test_nothing_moves(tmp_path):
-    """What rests costs nothing more: no rays for the kept map, none for a converged tree."""
-    report = walk(tmp_path, "letter_f", "--frames", "3", "--motion", "still")
+def test_nothing_moves_and_python_writes_no_files(tmp_path, monkeypatch):
+    """What rests costs nothing more: no rays for the kept map, few for a converged tree. Called
+    from Python: options in, a report out."""
+    import asmjax
+
+    monkeypatch.chdir(tmp_path)
+    options = asmjax.RunOptions(
+        scene="letter_f", frames=3, size=(48, 32), memory_mb=0.25, repeats=1, motion="still"
+    )
+    report = asmjax.measure_walkthrough(options)
+    validate_report(report)
+    assert list(tmp_path.iterdir()) == []
+    with pytest.raises(asmjax.UseError, match="--frames"):
+        asmjax.measure_walkthrough(asmjax.RunOptions())
+    assert report["motion"] == "still"
     assert [frame["methods"][1]["rays"] > 0 for frame in report["frames"]] == [True, False, False]
     tree = [frame["methods"][2]["rays"] for frame in report["frames"]]
     assert tree[2] <= tree[0] / 10
 
 
-def test_keys_are_walked_between(tmp_path):
-    """From the first view towards the second; a scene file's sensors have names too."""
-    report = walk(tmp_path, "letter_f", "--frames", "2", "--keys", "angle", "above")
+def test_keys_are_walked_between_and_a_folder_holds_one_run(tmp_path):
+    """From the first view towards the second; a scene file's sensors have names too. Files of a
+    single view or of a longer walk do not stay behind; a user's own do."""
+    out = tmp_path / "out"
+    out.mkdir()
+    for name in (*SINGLE_RUN, "frame_0007.npz", "notes.txt"):
+        (out / name).touch()
+    report = walk(out, "letter_f", "--frames", "2", "--keys", "angle", "above")
+    assert {path.name for path in out.iterdir()} == FILES | {"notes.txt"}
     assert report["view"] == "path angle - above"
     other = SENSOR.replace("3, -5, 5", "4, -4, 5").replace("<sensor ", '<sensor id="b" ')
     path = scene_file(tmp_path, sensor=SENSOR.replace("<sensor ", '<sensor id="a" ') + other)
@@ -233,18 +243,3 @@ def test_bad_input_is_one_line_and_leaves_nothing(case, tmp_path, capfd):
     assert printed.startswith("asmjax: error: ")
     assert expected in printed
     assert not out.exists()
-
-
-def test_python_gets_the_same_report_without_files(tmp_path, monkeypatch):
-    """Options in, a report out; nothing is written."""
-    import asmjax
-
-    monkeypatch.chdir(tmp_path)
-    options = asmjax.RunOptions(
-        scene="letter_f", frames=2, size=(48, 32), memory_mb=0.25, repeats=1, motion="still"
-    )
-    report = asmjax.measure_walkthrough(options)
-    assert len(report["frames"]) == 2
-    assert list(tmp_path.iterdir()) == []
-    with pytest.raises(asmjax.UseError, match="--frames"):
-        asmjax.measure_walkthrough(asmjax.RunOptions())

@@ -97,12 +97,16 @@ class Refiner:
         self.cast(got.pages)
 
     def renew(self, pages: np.ndarray) -> None:
-        """Cast pages again that were used lately, and give up the other ones of `pages`."""
+        """Cast pages again that were used lately, and give up the other ones of `pages`, and those
+        that the time limit leaves no time for: nothing stale answers."""
         began = time.perf_counter()
-        unused = self.pool.unused(self._oldest)
-        gone = unused[np.isin(unused, pages)]
-        self.log.dropped += self.pool.evict(gone)
-        kept = pages[~np.isin(pages, gone)]
+        pool = self.pool
+        unused = pool.unused(self._oldest)
+        kept = pages[~np.isin(pages, unused)]
+        below_roots = pool.squares[1, kept] > 0
+        kept = kept[np.lexsort((-pool.benefit[kept], below_roots))]
+        kept = kept[: max(self._affordable(kept.size), int((~below_roots).sum()))]
+        self.log.dropped += pool.evict(pages[~np.isin(pages, kept)])
         self.log.recast += kept.size
         self.log.analysis += time.perf_counter() - began
         self.cast(kept)
@@ -218,7 +222,10 @@ class Refiner:
     def _make(self, requests: Requests, replace: bool) -> int:
         """Cast and store the nodes that fit into time and memory; returns how many were made."""
         began = time.perf_counter()
-        requests = self._affordable(requests)
+        fits = self._affordable(requests.count)
+        if fits < requests.count:
+            self.log.status = Status.TIME_LIMIT
+            requests = requests.take(slice(fits))
         got = self.pool.admit(requests, self.log.frame, self._oldest, replace)
         self.log.evicted += got.evicted
         if got.no_table:
@@ -231,20 +238,16 @@ class Refiner:
         self.cast(got.pages)
         return got.pages.size
 
-    def _affordable(self, requests: Requests) -> Requests:
-        """The first requests that can be cast within the time limit, by what was measured."""
+    def _affordable(self, count: int) -> int:
+        """How many of `count` pages can be cast within the time limit, by what was measured."""
         limit = self.settings.time_limit
-        if limit is None or requests.count == 0:
-            return requests
-        log = self.log
+        if limit is None or count == 0:
+            return count
         left = limit - (time.perf_counter() - self.start) - self.last_look
         cost = self.cost_model
         per_page = max(cost.a_seconds_per_texel * self.shape.side**2, 1e-12)
-        fits = (left / log.slowness - cost.b_seconds) / per_page
-        fits = int(np.clip(fits, 0, requests.count))
-        if fits < requests.count:
-            log.status = Status.TIME_LIMIT
-        return requests.take(slice(fits))
+        fits = (left / self.log.slowness - cost.b_seconds) / per_page
+        return int(np.clip(fits, 0, count))
 
     def cast(self, pages: np.ndarray) -> None:
         """Cast the texels of pages in one launch, near ones together, and store them."""
