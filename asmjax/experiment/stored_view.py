@@ -56,10 +56,10 @@ def stored_view(algorithm: AdaptiveShadowMap, state: AdaptiveState, eye: EyeBuff
 def save_view(path: Path, view: StoredView) -> None:
     """Write a view as .npz; arrays are named by part and attribute, as "points.position"."""
     arrays = {
-        f"{part}.{field.name}": np.asarray(value)
+        f"{part}.{name}": np.asarray(value)
         for part, kind in _PARTS.items()
-        for field in dataclasses.fields(kind)
-        if (value := getattr(getattr(view, part), field.name)) is not None
+        for name in _attributes(kind)
+        if (value := getattr(getattr(view, part), name)) is not None
     }
     settings = json.dumps({"shape": dataclasses.asdict(view.shape), "bias": view.bias})
     arrays["settings"] = np.array(settings)
@@ -87,17 +87,24 @@ def load_view(path: Path) -> StoredView:
 
 def _part(part: str, kind: Any, arrays: dict[str, np.ndarray]):
     values: dict[str, Any] = {}
-    for field in dataclasses.fields(kind):
-        value = arrays.get(f"{part}.{field.name}")
-        if value is None and (part, field.name) not in (("tree", "depth"), ("tree", "prim")):
-            raise KeyError(f"no array {part}.{field.name}")
+    for name in _attributes(kind):
+        value = arrays.get(f"{part}.{name}")
+        if value is None and (part, name) not in (("tree", "depth"), ("tree", "prim")):
+            raise KeyError(f"no array {part}.{name}")
         if value is not None and value.ndim == 0:
-            values[field.name] = value.item()
-        elif part in _ON_DEVICE and value is not None and field.name != "origin":
-            values[field.name] = jnp.asarray(value)
+            values[name] = value.item()
+        elif part in _ON_DEVICE and value is not None and name != "origin":
+            values[name] = jnp.asarray(value)
         else:
-            values[field.name] = value
+            values[name] = value
     return kind(**values)
+
+
+def _attributes(kind: Any) -> list[str]:
+    """Names of what a dataclass or a named tuple holds."""
+    if dataclasses.is_dataclass(kind):
+        return [field.name for field in dataclasses.fields(kind)]
+    return list(kind._fields)
 
 
 def on_device(view: StoredView, device: Device) -> StoredView:
