@@ -28,7 +28,7 @@ def quick(script, tmp_path_factory):
     folder = tmp_path_factory.mktemp("analysis")
     sizes = dataclasses.replace(
         script["QUICK"], frames=4, large_frames=2, large="surface:5k", growth_frames=2,
-        triangles=(2_500, 5_000), growth_triangles=5_000,
+        triangles=(4_000, 8_000), growth_triangles=5_000,
     )  # fmt: skip
     return folder, script["run"](folder, sizes, quiet=True)
 

@@ -312,6 +312,8 @@ def test_bounds_are_those_of_the_texels_below():
     squares = squares_of(state.pool.squares[:, pages])
     depth, prim = np.asarray(state.tree.depth), np.asarray(state.tree.prim)
     found = state.pyramid()
+    assert found.farthest is not None
+    assert found.least is not None and found.most is not None
     for page, square in zip(pages, squares, strict=True):
         below = [p for p, s in zip(pages, squares, strict=True)
                  if s == square or is_below(state.shape, s, square)]  # fmt: skip

@@ -173,7 +173,7 @@ def test_a_light_that_reaches_nothing_in_view_casts_level_0_alone(look):
     eye = analytic_eye(case.shapes[:1], empty_views(case)[look])
     with pytest.raises(UseError, match="choose another --light or --view"):
         light_frame(case.light, eye, scene_bounds(case.shapes))
-    algorithm = AdaptiveShadowMap(memory_bytes=2**20, pixel_share=1, cost_model=FAST)
+    algorithm = AdaptiveShadowMap(memory_bytes=TEXELS * 6, pixel_share=1, cost_model=FAST)
     rays = CountingRays(case.rays)
     state = algorithm.build(eye, case.frame, rays)
     assert algorithm.status(state) is Status.COMPLETE
@@ -281,7 +281,7 @@ def test_a_moving_view_keeps_the_time_limit(clock):
         eye = analytic_eye(case.shapes, near)
         begun = clock.now
         state = algorithm.update(state, eye, case.frame, rays)
-        assert clock.now - begun <= limit
+        assert clock.now - begun <= limit + 1e-9
         ended.append(algorithm.status(state))
     assert Status.TIME_LIMIT in ended
 

@@ -32,11 +32,11 @@ class Bounds(NamedTuple):
 
 @jax.jit
 def page_bounds(tree: Tree) -> Bounds:
-    """Bounds of each page's own texels; the spare page is the last one."""
+    """Bounds of each page's own texels, without the spare page, which is the last one."""
     return Bounds(
-        None if tree.depth is None else jnp.max(tree.depth, axis=1),
-        None if tree.prim is None else jnp.min(tree.prim, axis=1),
-        None if tree.prim is None else jnp.max(tree.prim, axis=1),
+        None if tree.depth is None else jnp.max(tree.depth[:-1], axis=1),
+        None if tree.prim is None else jnp.min(tree.prim[:-1], axis=1),
+        None if tree.prim is None else jnp.max(tree.prim[:-1], axis=1),
     )
 
 
