@@ -495,12 +495,24 @@ def test_one_pixel_in_eight_follows_a_walk_as_well_as_all_of_them():
     assert 0 < total[1] < total[None] / 2, total
 
 
+@pytest.mark.parametrize("node", [8, 16, 64, 512])
+def test_padding_of_stores_is_small_beside_the_map(node):
+    """The largest number of pages that is stored in one call takes no more than a quarter of 16 MB,
+    or is one page; smaller ones come before it."""
+    shape = AdaptiveShadowMap(node_resolution=node).tree_shape(1)
+    buckets = refiner.buckets_of(shape)
+    assert list(buckets) == sorted(set(buckets)) and buckets[-1] <= shape.pages
+    assert buckets[-1] == 1 or buckets[-1] * shape.side**2 * 8 <= 2**22
+
+
 def test_few_new_nodes_wait_for_more_but_never_long():
-    """Small steps ask for a few nodes each: some wait, for three frames at most, so that there are
-    fewer launches than steps; a view at rest leaves nothing waiting."""
-    steps = [(2.4 - 0.01 * k, 0.0, 0.0) for k in range(20)]
+    """Small steps ask for a few nodes each: they wait, some frames at most, so that there are fewer
+    launches than steps; a view at rest leaves nothing waiting."""
+    steps = [(2.4 - 0.05 * k, 0.0, 0.0) for k in range(20)]
     cases = walk("a4_disc_light", 96, steps, fov_deg=110.0)
-    algorithm = AdaptiveShadowMap(memory_bytes=2**21, node_resolution=8, cost_model=FAST)
+    algorithm = AdaptiveShadowMap(
+        memory_bytes=2**21, node_resolution=8, finest_ratio=1.0, cost_model=FAST
+    )
     state = algorithm.build(cases[0].eye, cases[0].frame, cases[0].rays)
     least = state.shape.pages // refiner.WORTH_SHARE
     waited, launches = [], algorithm.cost(state).passes

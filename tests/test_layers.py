@@ -28,7 +28,6 @@ LAYERS = [
 RANK = {name: rank for rank, names in enumerate(LAYERS) for name in names}
 RENDER_MAY_IMPORT = {name for name, rank in RANK.items() if rank <= RANK["scene"]} - {"options"}
 MAY_IMPORT_RENDER = {
-    "report",
     "preparation",
     "main_job",
     "walkthrough_job",

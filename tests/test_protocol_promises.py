@@ -56,6 +56,33 @@ def test_a_state_that_update_took_over_says_so():
     assert case.error(algorithm.visibility(new, case.eye.points)) < 0.02
 
 
+def test_a_state_that_a_jitted_function_returned_says_so():
+    """Its arrays would go with the host's side of the first state that was traced."""
+    case, algorithm = analytic_case("a1_square", 48), ALGORITHMS[1]
+    first, second = (algorithm.build(case.eye, case.frame, case.rays) for _ in range(2))
+    same = jax.jit(lambda state: state)
+    same(first)
+    with pytest.raises(UseError, match="jitted function"):
+        algorithm.cost(same(second))
+
+
+@pytest.mark.parametrize("algorithm", ALGORITHMS, ids=lambda a: a.name)
+def test_a_copy_may_be_updated_while_the_state_stays(algorithm):
+    """Whatever becomes of the copy, under another light too, the state answers as before."""
+    case = analytic_case("a1_square", 48)
+    state = algorithm.build(case.eye, case.frame, case.rays)
+    before, cost = algorithm.visibility(state, case.eye.points), algorithm.cost(state)
+    box = np.array([[[-9.0, 9.0]] * 3])
+    for moved in (None, box):
+        other = algorithm.copied(state)
+        np.testing.assert_array_equal(algorithm.visibility(other, case.eye.points), before)
+        algorithm.update(other, case.eye, case.frame, AnalyticRays(case.shapes[:1]), moved=moved)
+    np.testing.assert_array_equal(algorithm.visibility(state, case.eye.points), before)
+    assert algorithm.cost(state) == cost
+    state = algorithm.update(state, case.eye, case.frame, case.rays)
+    np.testing.assert_array_equal(algorithm.visibility(state, case.eye.points), before)
+
+
 @pytest.mark.parametrize("algorithm", ALGORITHMS, ids=lambda a: a.name)
 def test_the_inside_of_a_sphere_is_shaded_by_the_sphere(algorithm):
     """Eye inside, light outside: the seen wall faces the light, and its own primitive blocks it."""

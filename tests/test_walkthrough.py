@@ -166,14 +166,15 @@ def test_warming_up_leaves_no_trace():
     assert again.methods[1].cost.rays > 0
 
 
-def cost(rays, seconds, made, held=5, reused=0):
+def cost(rays, seconds, made, held=5, reused=0, updates=1):
     nodes = NodeCounts(held=held, made=made, evicted=made - 5, recast=1, dropped=2, reused=reused)
-    return Cost(1, 1, rays, rays // 10, {"build": seconds, "analysis": 2 * seconds}, nodes)
+    stages = {"build": seconds, "analysis": 2 * seconds}
+    return Cost(1, 1, rays, rays // 10, stages, nodes, updates=updates)
 
 
 def test_spent_is_the_difference_of_what_accumulates():
-    before, after = cost(100, 1.0, 10), cost(130, 1.25, 17, held=6, reused=4)
-    alone = spent(before, after, wall=0.8)
+    before = cost(100, 1.0, 10)
+    alone = spent(before, cost(130, 1.25, 17, held=6, reused=4, updates=2))
     assert (alone.rays, alone.passes) == (30, 3)
     assert alone.seconds == {"build": 0.25, "analysis": 0.5}
     assert alone.nodes == NodeCounts(held=6, made=7, evicted=7, recast=0, dropped=0, reused=4)
@@ -181,8 +182,8 @@ def test_spent_is_the_difference_of_what_accumulates():
 
 def test_spent_knows_a_state_that_was_made_anew():
     """A map whose light frame was refitted starts to count again: all of it is this frame's."""
-    assert spent(cost(100, 1.0, 10), cost(90, 0.5, 8), wall=1.6) == cost(90, 0.5, 8)
-    assert spent(None, cost(90, 0.5, 8), wall=0.1) == cost(90, 0.5, 8)
+    assert spent(cost(100, 1.0, 10, updates=9), cost(90, 0.5, 8)) == cost(90, 0.5, 8)
+    assert spent(None, cost(90, 0.5, 8)) == cost(90, 0.5, 8)
 
 
 def setting(frames=3) -> WalkSetting:

@@ -49,7 +49,9 @@ class StoredView(eqx.Module):
 
 
 def stored_view(algorithm: AdaptiveShadowMap, state: AdaptiveState, eye: EyeBuffer) -> StoredView:
-    """The arrays by which `algorithm` answers for the pixels of `eye`."""
+    """The arrays by which `algorithm` answers for the pixels of `eye`; good until `update` takes
+    `state` over."""
+    state.check_owned()
     return StoredView(eye.points, eye.camera, state.frame, state.tree, state.shape, algorithm.bias)
 
 

@@ -160,7 +160,7 @@ class _Runner:
             own = None if self.state is None else algorithm.copied(self.state)
             state, wall = timed(lambda own=own: self._next(own, frame))
             if run:
-                costs.append(spent(before, algorithm.cost(state), wall))
+                costs.append(spent(before, algorithm.cost(state)))
                 walls.append(wall)
         wall = statistics.median(walls)
         self.state = state
@@ -191,12 +191,12 @@ class _Runner:
         return frame.kept if self._keeps else frame.fitted
 
 
-def spent(before: Cost | None, after: Cost, wall: float) -> Cost:
+def spent(before: Cost | None, after: Cost) -> Cost:
     """What one update cost alone, of costs that count since the state was empty.
 
-    A state all of whose time fits into the `wall` seconds of this update was made anew in it.
+    A state that was not updated more often than the one before was made anew.
     """
-    if before is None or sum(after.seconds.values()) <= wall:
+    if before is None or after.updates <= before.updates:
         return after
     nodes = after.nodes
     if nodes is not None and before.nodes is not None:

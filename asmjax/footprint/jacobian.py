@@ -33,7 +33,7 @@ def surface_tangents(points: SurfacePoints, camera: Camera) -> Float[Array, "2 3
 def _tangents(points: SurfacePoints, camera: Camera):
     """Rows of `surface_tangents`: dX/du_i = (z e_i - X (n . e_i) z / (n . X)) / F_i.
 
-    The formula of the reference, with D = X / z multiplied out: one division is left.
+    The quotient rule with D = X / z multiplied out: one division is left.
     """
     dtype = points.position.dtype
     right, down, forward = (jnp.asarray(row, dtype) for row in camera.rotation)

@@ -84,7 +84,7 @@ _HEAD = {
         "the machine",
     ),
     "seed": Key("integer", "the seed of everything random"),
-    "scene": Key("text", "built-in name or path of the scene"),
+    "scene": Key("text", "built-in name, or name of the file without .xml"),
     "view": Key("text", "name of the view or sensor"),
     "light": Key("text", "which light, and its type"),
     "size": Key("size", "[width, height] of the eye's image, pixels"),

@@ -59,7 +59,6 @@ class WalkRecord:
         self.frames: list[dict] = []
         self._limits: dict[tuple[str, Status], int] = {}
         self._light, self._size = "", (1, 1)
-        self._kept = None
 
     def add(self, result: FrameResult) -> dict:
         """Take up the next frame, and return its entry."""

@@ -280,7 +280,7 @@ ANALYTIC_SCENES: dict[str, Callable[[], AnalyticScene]] = {
         a9_slanted_edge,
     )
 }
-"""Factories with the reference's numbers as defaults, by scene name."""
+"""Factories with round numbers as defaults, by scene name."""
 
 
 def _lit(lit: np.ndarray, like: np.ndarray) -> np.ndarray:

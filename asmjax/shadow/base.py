@@ -17,23 +17,27 @@ State = TypeVar("State")
 
 
 class Status(enum.Enum):
-    """How a build ended. Everything but `COMPLETE` says what to change.
+    """How a build or update ended. Limits say what to change.
 
-    `COMPLETE`: by its settings nothing is left to gain, as far as its texels can tell.
+    `COMPLETE`: a look at every pixel found no edge that by the settings could gain, as far as the
+    texels can tell. `FOLLOWED`: a moving view, of which an update looks at a part.
     """
 
     COMPLETE = "complete"
+    FOLLOWED = "followed with part of the pixels: update again, or once more when the view rests"
     MEMORY_LIMIT = "the memory limit ended refinement: raise --memory-mb, or accept coarser shadows"
     TIME_LIMIT = "the time limit ended refinement: raise --time-limit-ms, or call update again"
     NODE_CAPACITY = (
         "the node table is full before the memory is: use larger nodes (--node-resolution)"
     )
-    PASS_LIMIT = "refinement did not settle within its passes: raise max_passes"
+    PASS_LIMIT = (
+        "refinement did not settle within its passes: raise max_passes of AdaptiveShadowMap"
+    )
 
     @property
     def is_limit(self) -> bool:
-        """Whether something more could have been gained."""
-        return self is not Status.COMPLETE
+        """Whether a limit ended refinement."""
+        return self not in (Status.COMPLETE, Status.FOLLOWED)
 
 
 @dataclass(frozen=True)
@@ -66,6 +70,7 @@ class Cost:
         bytes: bytes of all arrays of the state.
         rays: light rays cast since the state was empty.
         passes: launches of light rays since then.
+        updates: builds and updates since then.
         seconds: wall time by stage since then, `build` (light rays, storing) and `analysis`
             (deciding).
         nodes: what became of the nodes; None for a map that has none.
@@ -77,14 +82,16 @@ class Cost:
     passes: int
     seconds: dict[str, float] = field(default_factory=dict)
     nodes: NodeCounts | None = None
+    updates: int = 1
 
 
 class ShadowAlgorithm(eqx.Module, Generic[State]):
     """A shadow algorithm: frozen settings. Subclasses are final and hold all their fields.
 
     `build` and `update` run on the host, may look at values, and choose shapes; `visibility` is
-    JAX, with one trace per shape, and may be jitted with the state as an argument. `update` takes
-    over the state that it is given, arrays included: go on with the one it returns.
+    JAX, with one trace per shape, and may be jitted with the state as an argument; a jitted
+    function must not return a state. `update` takes over the state that it is given, arrays
+    included: go on with the one it returns.
     """
 
     reference: eqx.AbstractClassVar[str]
@@ -116,7 +123,8 @@ class ShadowAlgorithm(eqx.Module, Generic[State]):
 
     @abc.abstractmethod
     def warm_up(self, state: State, view: EyeBuffer, frame: LightFrame) -> None:
-        """Compile what later updates for views of this size may call: none then waits for it."""
+        """Compile what later updates for views of this size may call, so that none waits for it;
+        queries compile once for each number of points."""
 
     @abc.abstractmethod
     def copied(self, state: State) -> State:

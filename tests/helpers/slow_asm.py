@@ -21,6 +21,7 @@ from asmjax.shadow.adaptive.refiner import (
     BUSY_SHARE,
     FOLLOW_PASSES,
     LEAST_SHARE,
+    LONGEST_WAIT,
     WORTH_SHARE,
 )
 from asmjax.shadow.adaptive.shape import GUARD
@@ -127,6 +128,8 @@ class SlowASM:
         self.frame = self.made = self.evicted = self.passes = 0
         self.status = Status.COMPLETE
         self.camera: Camera | None = None
+        self.waiting: list[Request] = []
+        self.waited = 0
         self.seen: tuple[EyeBuffer | None, list[Pixel]] = None, []
 
     # What may be asked
@@ -283,12 +286,12 @@ class SlowASM:
             ratio = 2.0 ** (pixel.log2_ratio - self.shape.log2_resolution(node.level))
             request.n_required = max(request.n_required, (current * ratio) ** 2)
 
-        def order(request: Request):
-            face, level, column, row = request.square
-            seconds = self.cost.a_seconds_per_texel * request.n_required + self.cost.b_seconds
-            return -request.benefit / seconds, level, face, row, column
+        return sorted(requests.values(), key=self._order), edges
 
-        return sorted(requests.values(), key=order), edges
+    def _order(self, request: Request):
+        face, level, column, row = request.square
+        seconds = self.cost.a_seconds_per_texel * request.n_required + self.cost.b_seconds
+        return -request.benefit / seconds, level, face, row, column
 
     # Refining
 
@@ -305,6 +308,7 @@ class SlowASM:
             stages.insert(0, ("coarse coverage", 0.25, 1, False))
             stages.insert(2, ("coverage", 0.25, 1, False))
         self.camera, turn, owed = view.camera, self.frame, False
+        self.waiting, self.waited = [], 0
         before: list[Pixel] | None = None
         while stages:
             wish, part, passes, thorough = stages.pop(0)
@@ -343,10 +347,19 @@ class SlowASM:
             self.status = Status.COMPLETE
             wish = "follow" if self.settings.cover else "edges"
             wanted, _ = self._look(self._pixels(view, share, turn), share, wish)
-            assert self.shape.pages < WORTH_SHARE, "nodes of larger trees wait, not here"
-            made = self._make(wanted, replace=True)
+            waiting = {request.square: request for request in [*wanted, *self.waiting]}
+            if len(waiting) < self.shape.pages // WORTH_SHARE and self.waited < LONGEST_WAIT:
+                self.waiting = list(waiting.values())
+                self.waited = self.waited + 1 if waiting else 0
+                break
+            self.waiting, self.waited = [], 0
+            if not waiting:
+                break
+            made = self._make(sorted(waiting.values(), key=self._order), replace=True)
             if made <= self.shape.pages // BUSY_SHARE or self.status.is_limit:
                 break
+        if not self.status.is_limit:
+            self.status = Status.FOLLOWED
 
     def _make(self, requests: list[Request], replace: bool) -> int:
         """Make nodes in order, as far as there is or can be made room; how many."""

@@ -152,7 +152,7 @@ def test_smallest_image():
 
 
 REAL = {
-    # Triangles as ../shared/scenes/README.md counts them.
+    # Triangles as counted in the files.
     "munich/munich_merged.xml": (38_938, 5, "sun"),
     "munich/munich.xml": (38_938, 2_367, "sun"),
     "breakfast_room/breakfast_room.xml": (269_538, None, "sun"),

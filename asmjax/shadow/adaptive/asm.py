@@ -19,6 +19,7 @@ from asmjax.shadow.adaptive.address import address_of, anchor
 from asmjax.shadow.adaptive.cost_model import CostModel, calibrate
 from asmjax.shadow.adaptive.look import MEASURES, compile_looks
 from asmjax.shadow.adaptive.motion import touched
+from asmjax.shadow.adaptive.page_table import warm_tables
 from asmjax.shadow.adaptive.pool import NodePool
 from asmjax.shadow.adaptive.refiner import Refiner
 from asmjax.shadow.adaptive.shape import TreeShape, shape_for
@@ -58,7 +59,7 @@ class AdaptiveShadowMap(ShadowAlgorithm[AdaptiveState]):
             edges and another after them: finds casters that fell between the first texels.
         finest_ratio: memory still left is spent on finer texels along the edges down to this
             texel / pixel size; equal to `ratio_target` spends nothing.
-        max_passes: passes of one stage of refinement, of which a build has three or four.
+        max_passes: passes of one stage of refinement, of which a build has two to six.
         cost_model: calibrated costs; None calibrates in `build`.
     """
 
@@ -169,8 +170,11 @@ class AdaptiveShadowMap(ShadowAlgorithm[AdaptiveState]):
         return self._state(refiner)
 
     def warm_up(self, state: AdaptiveState, view: EyeBuffer, frame: LightFrame) -> None:
-        """Looks at any number of pixels, and all sizes that new pages are stored in."""
+        """Looks at any number of pixels, changes of few table entries, and what finds the nodes
+        that casters touch. New pages of any number can be stored since `build`."""
         state.check_owned()
+        warm_tables(state.shape)
+        touched(state.pool, state.tree, frame, np.zeros((0, 3, 2)))
         compile_looks(
             state.tree, view, frame, self.goals,
             shape=state.shape, measure=self.measure, share=self.pixel_share,
@@ -216,6 +220,7 @@ class AdaptiveShadowMap(ShadowAlgorithm[AdaptiveState]):
             passes=log.passes,
             seconds={"build": log.build, "analysis": log.analysis},
             nodes=NodeCounts(held, log.made, log.evicted, log.recast, log.dropped, log.reused),
+            updates=log.frame,
         )
 
     def status(self, state: AdaptiveState) -> Status:

@@ -2,9 +2,9 @@
 
 The top table has an entry for each square of a regular grid; an entry names the deepest page that
 covers its square, or a table of 8 x 8 entries for it where deeper pages exist. One step passes
-three levels of a tree with c = 2; the deepest trees take five steps where a descent takes fifteen
-(measured in docs/benchmarks.md). An entry below a deep page is filled with the nearest page above
-it, so nothing is remembered on the way down.
+three levels of a tree with c = 2; the deepest trees take five steps where a descent takes one a
+level, up to twenty (`tests/bench_adaptive.py -k finding_pages`). An entry below a deep page is
+filled with the nearest page above it, so nothing is remembered on the way down.
 """
 
 from functools import partial
@@ -65,6 +65,12 @@ def take(table, index):
 @partial(jax.jit, donate_argnums=0)
 def _write(entries, at, values):
     return entries.at[at].set(values)
+
+
+def warm_tables(shape: TreeShape) -> None:
+    """Have the writing of few changes compiled."""
+    nowhere = np.zeros(CHANGES, np.int32)
+    _write(jnp.zeros(shape.entries, jnp.int32), nowhere, nowhere)
 
 
 class PageTable:

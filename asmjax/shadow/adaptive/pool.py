@@ -172,11 +172,13 @@ class NodePool:
         return Admitted(pages, evicted, refused, int((~placed).sum()))
 
     def gather(self, requests: Requests, least: int, longest: int) -> Requests:
-        """Requests together with those that wait, as soon as they are `least` or the first has
-        waited `longest` looks; until then none, and all wait."""
+        """Requests together with those that wait, each square once, as soon as they are `least` or
+        the first has waited `longest` looks; until then none, and all wait."""
         together = self.waiting.and_then(requests)
+        first = np.unique(self.key_of(together.squares), return_index=True)[1]
+        together = together.take(np.sort(first))
         if together.count < least and self.waited < longest:
-            self.waiting, self.waited = together, self.waited + 1
+            self.waiting, self.waited = together, self.waited + 1 if together.count else 0
             return no_requests()
         self.waiting, self.waited = no_requests(), 0
         return together

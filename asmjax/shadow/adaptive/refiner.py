@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Iterator
-from functools import lru_cache
 from typing import NamedTuple
 
 import jax
@@ -17,12 +16,14 @@ from asmjax.shadow.adaptive.pool import NodePool, Requests, no_requests
 from asmjax.shadow.adaptive.refine import Wish, most_profitable_first, requests_of
 from asmjax.shadow.adaptive.shape import TreeShape, page_windows
 from asmjax.shadow.adaptive.state import BuildLog
-from asmjax.shadow.adaptive.tree import Tree, empty_tree, store_pages
+from asmjax.shadow.adaptive.tree import Tree, store_pages
 from asmjax.shadow.base import Status
-from asmjax.shadow.comparison import Compare
 
 BUCKETS = (16, 128, 1024)
 """Numbers of pages that are stored in one call: others are padded, so that nothing retraces."""
+
+STORE_TEXELS = 1 << 19
+"""Texels that are stored in one call, at most, or one page: padding stays small beside a map."""
 
 LEAST_SHARE = 12
 """A pass may always take this part of all pages, so that the last ones do not take many passes."""
@@ -34,12 +35,13 @@ followed by another; less is left to the next turns, or to a thorough look."""
 FOLLOW_PASSES = 4
 """Passes of one update for a moving view, at most."""
 
-WORTH_SHARE = 256
-"""New nodes of a moving view that are fewer than this part of all pages wait for more to come: one
-launch takes as long as some thousand rays."""
+WORTH_SHARE = 32
+"""New nodes of a moving view that are fewer than this part of all pages wait for more to come:
+making room, placing and launching take as long for a few as for a few hundred."""
 
-LONGEST_WAIT = 3
-"""Frames that a new node of a moving view waits at most."""
+LONGEST_WAIT = 7
+"""Frames that a new node of a moving view waits at most: as long as its pixels may have waited
+for a look."""
 
 
 class Stage(NamedTuple):
@@ -85,12 +87,13 @@ class Refiner:
         self.cost_model, self.log, self.view = cost_model, log, view
         self.frame, self.rays, self.start = frame, rays, start
         self.last_look = 0.0
+        self.given_up = 0
         self.made = np.zeros(shape.pages, bool)
         log.frame += 1
 
     def plant(self) -> None:
         """Make the level-0 nodes: all that there is before the first look."""
-        _compile_stores(self.shape, self.settings.compare)
+        self.tree = _stores_compiled(self.shape, self.tree)
         got = self.pool.admit(self.pool.roots(), self.log.frame, self.log.frame, False)
         self.log.made += got.pages.size
         self.made[got.pages] = True
@@ -105,7 +108,8 @@ class Refiner:
         kept = pages[~np.isin(pages, unused)]
         below_roots = pool.squares[1, kept] > 0
         kept = kept[np.lexsort((-pool.benefit[kept], below_roots))]
-        kept = kept[: max(self._affordable(kept.size), int((~below_roots).sum()))]
+        most = max(self._affordable(kept.size), int((~below_roots).sum()))
+        self.given_up, kept = kept[most:].size, kept[:most]
         self.log.dropped += pool.evict(pages[~np.isin(pages, kept)])
         self.log.recast += kept.size
         self.log.analysis += time.perf_counter() - began
@@ -163,6 +167,8 @@ class Refiner:
             made = self._make(most_profitable_first(wanted, self.cost_model), replace=True)
             if made <= self.shape.pages // BUSY_SHARE or self.log.status.is_limit:
                 break
+        if not self.log.status.is_limit:
+            self.log.status = Status.FOLLOWED
         self._finish()
 
     def _stages(self) -> Iterator[Stage]:
@@ -260,18 +266,11 @@ class Refiner:
         pages = pages[np.argsort(self.pool.key[pages])]
         windows = page_windows(self.shape, self.pool.squares[:, pages])
         depth, prim = self.rays.light_buffer(self.frame, windows)
-        tree = self.tree
-        stored = tree.depth, tree.prim
-        for start in range(0, pages.size, BUCKETS[-1]):
-            some = slice(start, min(start + BUCKETS[-1], pages.size))
-            bucket = next(b for b in BUCKETS if b >= some.stop - some.start)
-            stored = store_pages(
-                *stored,
-                _padded(pages[some].astype(np.int32), bucket, self.shape.pages),
-                None if tree.depth is None else _padded(depth[some], bucket),
-                None if tree.prim is None else _padded(prim[some], bucket),
-            )
-        self.tree = Tree(self.pool.table.on_device(tree.entries), *stored)
+        most = buckets_of(self.shape)[-1]
+        for start in range(0, pages.size, most):
+            some = slice(start, start + most)
+            self.tree = _store(self.shape, self.tree, pages[some], depth[some], prim[some])
+        self.tree = self.tree._replace(entries=self.pool.table.on_device(self.tree.entries))
         jax.block_until_ready(self.tree)
         seconds = time.perf_counter() - began
         expected = self.cost_model.seconds(windows.texels)
@@ -284,25 +283,46 @@ class Refiner:
         self.log.passes += 1
 
     def _finish(self) -> None:
+        if self.given_up and not self.log.status.is_limit:
+            self.log.status = Status.TIME_LIMIT
         used = self.pool.stamp[self.pool.held()] == self.log.frame
         self.log.reused = int((used & ~self.made[self.pool.held()]).sum())
 
 
-@lru_cache(maxsize=8)
-def _compile_stores(shape: TreeShape, compare: Compare) -> None:
-    """Have every bucket compiled once: a frame with many new nodes must not wait for it later."""
-    empty = empty_tree(shape, compare)
-    stored = empty.depth, empty.prim
-    for bucket in BUCKETS:
-        spare = np.full(bucket, shape.pages, np.int32)
-        texels = (bucket, shape.side, shape.side)
-        depth, prim = np.zeros(texels, np.float32), np.zeros(texels, np.int32)
-        stored = store_pages(
-            *stored,
-            spare,
-            None if empty.depth is None else depth,
-            None if empty.prim is None else prim,
-        )
+def buckets_of(shape: TreeShape) -> tuple[int, ...]:
+    """Numbers of pages that are stored in one call of a tree: `BUCKETS` as far as they fit."""
+    most = max(1, min(shape.pages, STORE_TEXELS // shape.side**2, BUCKETS[-1]))
+    return (*(bucket for bucket in BUCKETS if bucket < most), most)
+
+
+def _store(shape: TreeShape, tree: Tree, pages, depth, prim) -> Tree:
+    """The tree, taken over, with the texels of `pages` (k,), k at most the largest bucket."""
+    bucket = next(b for b in buckets_of(shape) if b >= pages.size)
+    stored = store_pages(
+        tree.depth,
+        tree.prim,
+        _padded(pages.astype(np.int32), bucket, shape.pages),
+        None if tree.depth is None else _padded(depth, bucket),
+        None if tree.prim is None else _padded(prim, bucket),
+    )
+    return Tree(tree.entries, *stored)
+
+
+_compiled: set[tuple] = set()
+
+
+def _stores_compiled(shape: TreeShape, tree: Tree) -> Tree:
+    """The tree as it was, every bucket compiled once: a frame with many new nodes must not wait."""
+    kind = shape, tree.depth is None, tree.prim is None, jax.config.read("jax_enable_x64")
+    if kind not in _compiled:
+        for bucket in buckets_of(shape):
+            spare = np.full(bucket, shape.pages, np.int32)
+            texels = (bucket, shape.side, shape.side)
+            tree = _store(
+                shape, tree, spare, np.zeros(texels, np.float32), np.zeros(texels, np.int32)
+            )
+        _compiled.add(kind)
+    return tree
 
 
 def _padded(a: np.ndarray, count: int, fill=0) -> np.ndarray:

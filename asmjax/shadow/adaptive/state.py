@@ -1,8 +1,12 @@
 """What an adaptive shadow map remembers between frames."""
 
+import itertools
 from dataclasses import dataclass
 
 import equinox as eqx
+import numpy as np
+from jax.core import Tracer
+from jaxtyping import Array
 
 from asmjax.errors import require
 from asmjax.geometry import Camera, LightFrame
@@ -12,6 +16,8 @@ from asmjax.shadow.adaptive.pool import NodePool
 from asmjax.shadow.adaptive.shape import TreeShape
 from asmjax.shadow.adaptive.tree import Tree
 from asmjax.shadow.base import Status
+
+_serials = itertools.count()
 
 
 @dataclass
@@ -49,11 +55,13 @@ class HostSide:
     Attributes:
         camera: the camera that the state was refined for last.
         pyramid: bounds of the tree's pages, once they were asked for.
+        serial: a number that no other has.
     """
 
     def __init__(self, pool: NodePool, cost_model: CostModel, log: BuildLog, camera: Camera):
         self.pool, self.cost_model, self.log, self.camera = pool, cost_model, log, camera
         self.taken = False
+        self.serial = next(_serials)
         self.pyramid: Bounds | None = None
 
     def __eq__(self, other):
@@ -64,12 +72,21 @@ class HostSide:
 
 
 class AdaptiveState(eqx.Module):
-    """A tree on the device, its tables on the host, and the light frame that it was built for."""
+    """A tree on the device, its tables on the host, and the light frame that it was built for.
+
+    Attributes:
+        serial: () int32, the same as the host side's: they belong together.
+    """
 
     tree: Tree
     frame: LightFrame
+    serial: np.ndarray | Array
     shape: TreeShape = eqx.field(static=True)
     host: HostSide = eqx.field(static=True)
+
+    def __init__(self, tree: Tree, frame: LightFrame, shape: TreeShape, host: HostSide):
+        self.tree, self.frame, self.shape, self.host = tree, frame, shape, host
+        self.serial = np.array(host.serial, np.int32)
 
     @property
     def pool(self) -> NodePool:
@@ -90,7 +107,13 @@ class AdaptiveState(eqx.Module):
         return self.host.pyramid
 
     def check_owned(self) -> None:
-        """Raise `UseError` if `update` has taken this state over."""
+        """Raise `UseError` if `update` has taken this state over, or it came out of a jitted
+        function, which gives back new arrays with the host's side of the first state it met."""
+        require(
+            isinstance(self.serial, Tracer) or int(self.serial) == self.host.serial,
+            "this state came out of a jitted function; return arrays from it, and go on with the "
+            "state that build or update gave.",
+        )
         require(
             not self.host.taken,
             "this state was handed to update, which reuses its arrays; go on with the state that "
