@@ -13,7 +13,7 @@ run: setup
 	@$(BIN)/asmjax run $(ARGS)
 
 test: setup
-	@$(BIN)/python -m pytest -n auto --dist loadfile -q $(ARGS)
+	@$(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder -q $(ARGS)
 
 lint: setup
 	@$(BIN)/ruff check .

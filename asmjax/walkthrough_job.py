@@ -32,6 +32,9 @@ from asmjax.scene.spec import ViewSpec
 
 _log = logging.getLogger("asmjax")
 
+LONG_WALK = 12
+"""Walks of so many frames compile beforehand whatever a later frame may call."""
+
 WARM_FRAMES = 2
 """Frames that are measured and forgotten before frame 0 counts, so that all code is compiled."""
 
@@ -122,7 +125,8 @@ class Walk:
         adaptive.tree_shape(first.kept.faces)
         cost_model = calibrated(scene, self._light, first.rays, first.kept, options)
         adaptive = replace(adaptive, cost_model=cost_model)
-        self._walkthrough = Walkthrough(adaptive, options.repeats)
+        long = options.frames >= LONG_WALK
+        self._walkthrough = Walkthrough(adaptive, options.repeats, compile_all=long)
         self.setting = WalkSetting(
             scene=scene.name,
             variant=scene.variant,

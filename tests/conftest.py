@@ -20,11 +20,28 @@ if "ASMJAX_TEST_SCRATCH" not in os.environ:
     os.environ["ASMJAX_CACHE_DIR"] = os.path.join(_scratch, "asmjax")
     os.environ["DRJIT_CACHE_DIR"] = os.path.join(_scratch, "drjit")
     os.environ["MPLBACKEND"] = "agg"
+    # Most of the time of a run is compiling, much of it the same in several files and workers.
+    os.environ["JAX_COMPILATION_CACHE_DIR"] = os.path.join(_scratch, "jax")
+    os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0.1"
+    os.environ["JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES"] = "-1"
 
 # Compilation happens inside an example, so a deadline per example would measure the compiler.
 hypothesis.settings.register_profile("fast", max_examples=100, deadline=None)
 hypothesis.settings.register_profile("ci", max_examples=1000, deadline=None)
 hypothesis.settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "fast"))
+
+
+SLOW_FILES = (
+    "test_analysis_2001", "test_main_job", "test_walkthrough_job", "test_adaptive_refine",
+    "test_blocks", "test_siblings", "test_adaptive_pool", "test_slow_asm", "test_traces",
+)  # fmt: skip
+"""They start first, so that no worker is left with one of them at the end."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Slow files first, each in its own order."""
+    rank = {name: k for k, name in enumerate(SLOW_FILES)}
+    items.sort(key=lambda item: rank.get(item.path.stem, len(rank)))
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:

@@ -88,7 +88,13 @@ def test_arrays_are_images_with_the_first_row_at_the_top(run_folder):
     assert np.nanmedian(distance[-8:]) < np.nanmedian(distance[:8])
 
 
-def test_samples_give_fractions_and_the_seed_repeats_them(tmp_path):
+@pytest.fixture
+def no_figures(monkeypatch):
+    """Drawing takes longer than all else in a small run."""
+    monkeypatch.setattr("asmjax.report.run_files.write_figures", lambda pictures, folder: None)
+
+
+def test_samples_give_fractions_and_the_seed_repeats_them(tmp_path, no_figures):
     """Four rays per pixel: visibility in quarters; the same seed gives the same truth."""
     truths = []
     for seed, folder in ((1, "a"), (1, "b"), (2, "c")):
@@ -117,7 +123,7 @@ def test_one_pixel_and_a_folder_used_again(tmp_path):
     assert not (tmp_path / "walkthrough.gif").exists()
 
 
-def test_the_cost_model_is_kept_and_the_report_says_so(tmp_path, monkeypatch):
+def test_the_cost_model_is_kept_and_the_report_says_so(tmp_path, monkeypatch, no_figures):
     """Measured by the first run, kept for the second with its date, measured again on request."""
     monkeypatch.setenv("ASMJAX_CACHE_DIR", str(tmp_path / "cache"))
     words = ["run", "letter_f", "--size", "8", "8", "--memory-mb", "1", "--repeats", "1", "--quiet"]
@@ -195,7 +201,7 @@ def test_results_that_cannot_be_written_are_refused_before_the_work(tmp_path, ca
     assert "--out" in capfd.readouterr().err
 
 
-def test_notices_are_told_once(tmp_path, caplog):
+def test_notices_are_told_once(tmp_path, caplog, no_figures):
     """An area lamp becomes a point and a sky is left out: a line each, in the report too."""
     lights = LIGHT + '<emitter type="constant" id="sky"/>'
     path = scene_file(tmp_path, light=lights)

@@ -92,11 +92,12 @@ class Walkthrough:
     Args:
         adaptive: with its cost model calibrated.
         repeats: timed updates, each of a copy of the state, and queries of each method and frame.
+        compile_all: compile beforehand whatever a later frame may call, not only what the first do.
     """
 
-    def __init__(self, adaptive: AdaptiveShadowMap, repeats: int):
+    def __init__(self, adaptive: AdaptiveShadowMap, repeats: int, compile_all: bool = False):
         self.adaptive = adaptive
-        self._repeats = repeats
+        self._repeats, self._compile_all = repeats, compile_all
         self._runners: list[_Runner] = []
         self._compiled: set[tuple[int, ...]] = set()
 
@@ -135,7 +136,7 @@ class Walkthrough:
             if algorithm.name != runner.algorithm.name:
                 runner.algorithm, runner.state = algorithm, None
             if shapes not in self._compiled:
-                runner.compile(frame)
+                runner.compile(frame, self._compile_all)
         self._compiled.add(shapes)
 
 
@@ -146,11 +147,12 @@ class _Runner:
         self.algorithm, self.state = algorithm, None
         self._keeps = keeps
 
-    def compile(self, frame: FrameInput) -> None:
-        """Build and query once, and compile what later frames may call; nothing is kept."""
+    def compile(self, frame: FrameInput, compile_all: bool) -> None:
+        """Build and query once, and compile all that later frames may call; nothing is kept."""
         state = self.algorithm.build(frame.eyes[0], self._frame(frame), frame.rays)
         queried(self.algorithm, state, frame.eyes[:1], 1)
-        self.algorithm.warm_up(state, frame.eyes[0], self._frame(frame))
+        if compile_all:
+            self.algorithm.warm_up(state, frame.eyes[0], self._frame(frame))
 
     def step(self, frame: FrameInput, id_pass: float, repeats: int) -> Measured:
         algorithm = self.algorithm

@@ -215,7 +215,8 @@ class AdaptiveShadowMap(ShadowAlgorithm[AdaptiveState]):
         log, held = state.log, state.pool.used_pages
         return Cost(
             texels=held * state.shape.side**2,
-            bytes=array_bytes(state.tree, state.host.camera, state.host.pyramid) + state.pool.bytes,
+            bytes=array_bytes(state.tree, state.serial, state.host.camera, state.host.pyramid)
+            + state.pool.bytes,
             rays=log.rays,
             passes=log.passes,
             seconds={"build": log.build, "analysis": log.analysis},
