@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from helpers.mitsuba_scenes import loaded
 
-from asmjax.buffers import EyeBuffer, LightRays, light_offset, project
+from asmjax.buffers import EyeBuffer, LightRays, light_offset, project, whole_image
 from asmjax.geometry import LightFrame
 from asmjax.render import caster
 from asmjax.scene.path import CameraPath, orbit_keys
@@ -113,6 +113,25 @@ def test_query_after_a_launch_two_pools(benchmark, walk, settings, built, worker
         setup=launch, rounds=100, warmup_rounds=5,
     )  # fmt: skip
     drjit.set_thread_count(1)
+
+
+@pytest.mark.parametrize("which", ["coarse", "edges", "uniform"])
+def test_light_rays(benchmark, walk, built, which):
+    """Nodes of the first levels, those of the last ones, which follow the edges, and a flat map."""
+    pool, shape = built.pool, built.shape
+    pages = pool.held()
+    level = pool.squares[1, pages]
+    windows = {
+        "coarse": page_windows(shape, pool.squares[:, pages[level <= 1]]),
+        "edges": page_windows(shape, pool.squares[:, pages[level >= 6]]),
+        "uniform": whole_image(walk.frame, 2048),
+    }[which]
+    benchmark.pedantic(
+        lambda: walk.rays.light_buffer(walk.frame, windows), rounds=20, warmup_rounds=3
+    )
+    ns = 1e9 * benchmark.stats.stats.median / windows.texels
+    benchmark.extra_info.update(rays=windows.texels, ns_per_ray=ns)
+    print(f" {windows.texels} rays, {ns:.1f} ns each", end="")
 
 
 def test_cold_build(benchmark, walk, settings):

@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from helpers.analytic_cases import unit_frame
 from helpers.poses import KINDS, Kind, random_pose, surface_points
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -123,20 +124,6 @@ def test_any_pose_anywhere_has_exact_addresses(seed, kind, place_of):
     off = texels_off(place(address), ref_place(points, frame, receivers.face))
     # The anchor has 48 bits: in an image so narrow that the eye is 10^5 widths away, some are lost.
     assert (off < np.maximum(1e-3, 2.0**-24 * image_widths(points, frame, receivers))).all()
-
-
-def unit_frame(perspective: bool) -> LightFrame:
-    """A light whose image coordinates are x / z and y / z, or x and y."""
-    return LightFrame(
-        origin=np.zeros(3),
-        rotation=np.eye(3)[None],
-        corner=np.zeros((1, 2)),
-        extent=np.ones((1, 2)),
-        cone_axis=np.array([0.0, 0.0, 1.0]),
-        cos_cutoff=-1.0,
-        near=1e-6,
-        perspective=perspective,
-    )
 
 
 def address_in_unit(uv: np.ndarray, perspective: bool, depth: float = 2.0) -> Address:

@@ -7,7 +7,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers.analytic_cases import Case, analytic_case, case_of
+from helpers.analytic_cases import Case, analytic_case, case_of, unit_frame
 from helpers.counting import CountingRays
 from helpers.poses import KINDS, Kind, random_pose
 from helpers.registry import FAST
@@ -331,20 +331,6 @@ def filled(shape, depth=5.0, seed=None):
 
 ROOTS = tree_shape(log2_node=3, log2_roots=2, log2_top=2)
 """4 x 4 roots of 8 x 8 texels: the guard band is 1 / 32 wide."""
-
-
-def unit_frame(perspective: bool) -> LightFrame:
-    """A light whose image coordinates are x / z and y / z, or x and y."""
-    return LightFrame(
-        origin=np.zeros(3),
-        rotation=np.eye(3)[None],
-        corner=np.zeros((1, 2)),
-        extent=np.ones((1, 2)),
-        cone_axis=np.array([0.0, 0.0, 1.0]),
-        cos_cutoff=-1.0,
-        near=1e-6,
-        perspective=perspective,
-    )
 
 
 @pytest.mark.parametrize(

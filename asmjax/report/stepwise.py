@@ -83,6 +83,7 @@ class StepwiseRecord:
             try:
                 step()
                 status = "done"
+            # Whatever fails: the other steps' numbers must not be lost with this one.
             except Exception as problem:
                 status, reason = "failed", f"{type(problem).__name__}: {problem}".split("\n")[0]
                 _log.exception("step '%s' failed; going on with the next one.", name)

@@ -189,6 +189,20 @@ def kept_arrays(state) -> list[jax.Array | np.ndarray]:
     return list(found.values())
 
 
+def unit_frame(perspective: bool) -> LightFrame:
+    """A light whose image coordinates are x / z and y / z, or x and y."""
+    return LightFrame(
+        origin=np.zeros(3),
+        rotation=np.eye(3)[None],
+        corner=np.zeros((1, 2)),
+        extent=np.ones((1, 2)),
+        cone_axis=np.array([0.0, 0.0, 1.0]),
+        cos_cutoff=-1.0,
+        near=1e-6,
+        perspective=perspective,
+    )
+
+
 def random_rotation(seed: int) -> np.ndarray:
     """A rotation matrix, evenly distributed."""
     q, r = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))

@@ -164,7 +164,7 @@ def _verdict(
     pyramid: Bounds, entries, prim, blocks: _Facing, bias,
     *, shape: TreeShape, perspective: bool,
 ):  # fmt: skip
-    pages, levels, covered = _pages_over(shape, entries, blocks)
+    pages, levels, covered = _pages_over(shape, entries, blocks.face, blocks.low, blocks.high)
     usable = blocks.usable & covered
     own = pack_prim(_four(prim)[0])
     lit, dark = jnp.zeros_like(usable), usable
@@ -255,9 +255,9 @@ def _rectangle(receivers: Receivers, at, error, frame):
     return jnp.clip(low, 0, limit), jnp.clip(high, 0, limit), inside
 
 
-def _pages_over(shape: TreeShape, entries, blocks: _Facing):
-    """Pages whose squares cover the blocks' rectangles, and their levels: (places, blocks); and
-    whether they do cover them.
+def _pages_over(shape: TreeShape, entries, face, low, high):
+    """Pages whose squares cover rectangles of `face` (blocks,) from `low` to `high` (2, blocks),
+    and their levels: (places, blocks); and whether they do cover them.
 
     They are the deepest pages over `PLACES` x `PLACES` evenly spread points of a rectangle, its
     corners among them. Where no side of theirs is below the points' distance, no gap is left:
@@ -267,11 +267,10 @@ def _pages_over(shape: TreeShape, entries, blocks: _Facing):
     or a larger one that the cell lies in. A page that serves a pixel of a square is that square's,
     or below it: the bounds of its subtree hold.
     """
-    low, high = blocks.low, blocks.high
     step = -(-(high - low) // (PLACES - 1))
     x, y = ([jnp.minimum(low[k] + i * step[k], high[k]) for i in range(PLACES)] for k in (0, 1))
     at = jnp.concatenate(x * PLACES), jnp.concatenate([b for b in y for _ in x])
-    entry = find_entries(shape, entries, jnp.tile(blocks.face, PLACES**2), at)
+    entry = find_entries(shape, entries, jnp.tile(face, PLACES**2), at)
     entry = entry.reshape(PLACES**2, -1)
     levels = level_of(entry)
     deepest = _some(levels, jnp.maximum)
