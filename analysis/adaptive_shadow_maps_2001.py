@@ -21,6 +21,7 @@ from asmjax.experiment import measure, measure_rays
 from asmjax.experiment.growth import Growth, GrowthPoint, growth_point
 from asmjax.experiment.maps import answered_resolution
 from asmjax.experiment.traces import counted_traces
+from asmjax.machine import keep_freed_memory
 from asmjax.options import RunOptions
 from asmjax.report.figures import RunPictures
 from asmjax.report.figures.beside import draw_beside
@@ -252,6 +253,7 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="tiny sizes: tries it out in seconds")
     options = parser.parse_args()
     enable_compilation_cache()
+    keep_freed_memory()
     record = run(options.out, QUICK if options.quick else Sizes())
     print(bounds_table(bounds_of(record)))
     print(f"report and figures: {options.out}/report.md")

@@ -19,9 +19,23 @@ from asmjax.scene.spec import LightSpec, ViewSpec
 from asmjax.shadow import AdaptiveShadowMap, CostModel, NodeCounts, Status
 from asmjax.shadow.adaptive import refiner
 from asmjax.shadow.adaptive.address import BITS, Address
-from asmjax.shadow.adaptive.look import COARSE, Analysis, Audience, analyse, audience_of
+from asmjax.shadow.adaptive.attention import Attention
+from asmjax.shadow.adaptive.look import (
+    COARSE,
+    Analysis,
+    Audience,
+    analyse,
+    audience_of,
+    padded_size,
+)
 from asmjax.shadow.adaptive.page_table import LEVEL_BITS, level_of, page_of
-from asmjax.shadow.adaptive.refine import Wish, most_profitable_first, requests_of
+from asmjax.shadow.adaptive.refine import (
+    FINER_LEVELS,
+    Wish,
+    asking_of,
+    most_profitable_first,
+    requests_of,
+)
 from asmjax.shadow.comparison import BIAS, CURVATURE_BIAS
 
 PAPER = AdaptiveShadowMap(cover=False, finest_ratio=1.0, cost_model=FAST)
@@ -140,21 +154,47 @@ def test_every_pixel_gets_its_turn(share):
     )
 
 
-def test_a_look_near_edges_is_the_whole_look_at_those_receivers(refined):
+def test_a_look_at_some_is_the_whole_look_at_those_receivers(refined):
     _, state, looking = refined
     got = looked(state, looking, 0.0, -4.0)
-    few = np.flatnonzero(got.straddles)[::9]
-    chosen = np.zeros(looking.count, bool)
-    chosen[few] = True
-    picked = looking.only(chosen)
-    assert few.size < picked.count < looking.count
+    some = np.flatnonzero(got.straddles)[::9]
+    picked = looking.picked(some)
+    assert some.size < picked.count == looking.count // 4
     again = looked(state, picked, 0.0, -4.0)
     facing = np.asarray(picked.receivers.facing)
-    assert facing.sum() == few.size
+    assert facing.sum() == some.size
     for name in ("entry", "target", "finest", "coarse", "straddles"):
         part = np.asarray(getattr(again, name))[facing]
-        np.testing.assert_array_equal(part, np.asarray(getattr(got, name))[few])
-    assert looking.only(np.ones(looking.count, bool)) is looking
+        np.testing.assert_array_equal(part, np.asarray(getattr(got, name))[some])
+    assert looking.picked(np.arange(looking.count // 4 + 1)) is looking
+
+
+def test_few_sizes_of_looks_and_each_holds_what_was_chosen():
+    """Four sizes at most, whatever number is chosen; no look is prepared for few of few."""
+    chosen = np.arange(0, 2**18 + 1, 97)
+    sizes = [padded_size(2**18, n) for n in chosen.tolist()]
+    assert sorted(set(sizes)) == [2**11, 2**14, 2**16, 2**18]
+    assert np.all(np.array(sizes) >= chosen)
+    assert padded_size(4095, 1) == 4095 and padded_size(4096, 1) == 1024
+
+
+def test_those_served_by_another_page_are_unsettled(refined):
+    """Exactly those, and none once they were looked at."""
+    case, state, looking = refined
+    algorithm = replace(PAPER, memory_bytes=2**19, start_resolution=64)
+    before = looked(state, looking, 0.0, -2.0)
+    attention = Attention(looking, state.tree, before)
+    assert attention.unsettled(state.shape, state.tree).size == 0
+    other = replace(algorithm, ratio_target=2.0).build(case.eye, case.frame, case.rays)
+    unsettled = attention.unsettled(state.shape, other.tree)
+    changed = np.asarray(before.entry) != np.asarray(looked(other, looking, 0.0, -2.0).entry)
+    facing = np.asarray(looking.receivers.facing)
+    np.testing.assert_array_equal(unsettled, np.flatnonzero(changed & facing))
+    assert 0 < unsettled.size < looking.count
+    audience, who = attention.some(unsettled)
+    after = looked(other, audience, 0.0, -2.0)
+    attention.note(who, after)
+    assert attention.unsettled(state.shape, other.tree).size == 0
 
 
 def made_up(seed, n=100):
@@ -191,7 +231,7 @@ def ref_requests(shape, analysis, looking, wish) -> dict:
         if wish is Wish.COARSE_COVERAGE or (wish is Wish.FOLLOW and not edge):
             target = int(analysis.coarse[k])
         if wish is Wish.FINER_EDGES:
-            target = max(target, min(level + 1, int(analysis.finest[k])))
+            target = max(target, min(level + FINER_LEVELS, int(analysis.finest[k])))
         only_edges = wish in (Wish.EDGES, Wish.FINER_EDGES)
         if not looking.receivers.facing[k] or level >= target or (only_edges and not edge):
             continue
@@ -213,7 +253,8 @@ def test_requests_are_the_loop_over_pixels(seed, wish):
     shape, analysis, looking = made_up(seed)
     on_host = jax.tree.map(np.asarray, (analysis, looking))
     expected = ref_requests(shape, on_host[0], on_host[1], wish)
-    got = requests_of(shape, analysis, looking, wish)
+    asking = asking_of(analysis, looking, wish)
+    got = requests_of(shape, looking, asking)
     squares = [tuple(x) for x in got.squares.T.tolist()]
     assert len(squares) == len(set(squares)) == len(expected)
     for square, benefit, required in zip(squares, got.benefit, got.n_required, strict=True):
@@ -335,8 +376,7 @@ def test_complete_means_that_no_edge_can_gain(name):
         state.tree, looking, 0.0, float(np.log2(algorithm.finest_ratio)), BIAS,
         shape=state.shape, perspective=case.frame.perspective,
     )  # fmt: skip
-    left = requests_of(state.shape, analysis, looking, Wish.FINER_EDGES)
-    assert left.count == 0
+    assert asking_of(analysis, looking, Wish.FINER_EDGES).who.size == 0
 
 
 def test_one_pass_makes_nodes_several_levels_down():
@@ -368,8 +408,9 @@ def test_memory_left_over_is_spent_on_edges():
         assert log2_ratio - 1 < finer[case.judged].min() <= log2_ratio
         beyond = case.judged & (finer <= -1)
         assert beyond.any() == (log2_ratio < 0)
-        # Across a node, and two texels of the level above around it.
-        near = (np.sqrt(2) * algorithm.node_resolution + 4) * case.texel_width(log2)
+        # Across a node, and two texels around it of the level that asked.
+        around = 2 * 2**FINER_LEVELS
+        near = (np.sqrt(2) * algorithm.node_resolution + around) * case.texel_width(log2)
         assert (case.edge_distance[beyond] < near[beyond]).all()
     assert measured[2] < measured[1] < measured[0], measured
     # Two levels beyond a pixel's size: a 16th of a pixel, and the scatter of the edge pixels.

@@ -15,8 +15,9 @@ from asmjax.buffers import EyeBuffer, LightRays, light_offset, project
 from asmjax.footprint import log2_linear_ratio, log2_m, uv_jacobian
 from asmjax.geometry import Camera, LightFrame
 from asmjax.shadow import AdaptiveShadowMap, NodeCounts, Status
-from asmjax.shadow.adaptive.look import COARSE, FEW
+from asmjax.shadow.adaptive.look import COARSE, padded_size
 from asmjax.shadow.adaptive.pool import RESERVE_SHARE
+from asmjax.shadow.adaptive.refine import FINER_LEVELS
 from asmjax.shadow.adaptive.refiner import (
     BUSY_SHARE,
     FOLLOW_PASSES,
@@ -253,21 +254,26 @@ class SlowASM:
 
     # Looking
 
-    def _look(self, pixels: list[Pixel], share: int, wish: str) -> tuple[list[Request], list]:
-        """What the pixels wish for, most profitable first; and those of them at an edge."""
-        settings, requests, edges = self.settings, {}, []
+    def _look(
+        self, pixels: list[Pixel], share: int, wish: str, note: bool = True
+    ) -> tuple[list[Request], list[Pixel]]:
+        """What the pixels ask for, most profitable first; and which of them ask.
+
+        A first look at pixels notes which nodes they use.
+        """
+        settings, requests, asking = self.settings, {}, []
+        self.status = Status.COMPLETE
         served: dict[int, int] = {}
         for pixel in pixels:
             node = self._serving(pixel)
-            node.stamp = self.frame
-            served[id(node)] = served.get(id(node), 0) + share
-            node.benefit = max(node.benefit, served[id(node)])
+            if note:
+                node.stamp = self.frame
+                served[id(node)] = served.get(id(node), 0) + share
+                node.benefit = max(node.benefit, served[id(node)])
             edge = self._straddles(node, pixel)
             matched = self._level_for(pixel, settings.ratio_target)
             coarse = self._level_for(pixel, settings.ratio_target * COARSE)
-            finer = min(node.level + 1, self._level_for(pixel, settings.finest_ratio))
-            if edge:
-                edges.append(pixel)
+            finer = min(node.level + FINER_LEVELS, self._level_for(pixel, settings.finest_ratio))
             level = {
                 "edges": matched if edge else 0,
                 "finer edges": max(matched, finer) if edge else 0,
@@ -277,6 +283,7 @@ class SlowASM:
             }[wish]
             if level <= node.level:
                 continue
+            asking.append(pixel)
             nodes = 2.0 ** self.shape.log2_nodes_at(level)
             square = pixel.face, level, int(pixel.u * nodes), int(pixel.v * nodes)
             request = requests.setdefault(square, Request(square))
@@ -286,7 +293,7 @@ class SlowASM:
             ratio = 2.0 ** (pixel.log2_ratio - self.shape.log2_resolution(node.level))
             request.n_required = max(request.n_required, (current * ratio) ** 2)
 
-        return sorted(requests.values(), key=self._order), edges
+        return sorted(requests.values(), key=self._order), asking
 
     def _order(self, request: Request):
         face, level, column, row = request.square
@@ -302,49 +309,74 @@ class SlowASM:
         last = "finer edges" if finer else "edges"
         if not cover and not finer:
             stages = [("edges", 1.0, most, False), ("edges", 1.0, most, True)]
+        elif cover:
+            stages = [("coarse coverage", 0.25, 1, False), ("edges if full", 0.5, most, False),
+                      (last, 0.5, most, True), ("coverage", 0.5, 1, False),
+                      (last, 0.5, most, True)]  # fmt: skip
         else:
             stages = [("edges", 0.5, most, False), (last, 0.5, most, True)]
-        if cover:
-            stages.insert(0, ("coarse coverage", 0.25, 1, False))
-            stages.insert(2, ("coverage", 0.25, 1, False))
-        self.camera, turn, owed = view.camera, self.frame, False
+        self.camera, turn = view.camera, self.frame
         self.waiting, self.waited = [], 0
+        self.served_by: dict[int, Square] = {}
         before: list[Pixel] | None = None
         while stages:
             wish, part, passes, thorough = stages.pop(0)
-            share, chosen = 1 if thorough else settings.pixel_share, False
-            # Two stages in a row that take a share of the pixels begin with the same.
-            pixels = self._pixels(view, share, turn) if before is None or thorough else before
-            for done in range(1, passes + 1):
-                self.status = Status.COMPLETE
-                wanted, edges = self._look(pixels, share, wish)
-                turn, before = turn + 1, None if thorough else pixels
-                within = int(part * self._free())
-                if wish == "coverage" and part < 1:
-                    owed = len(wanted) > within
-                allowed = max(within, self.shape.pages // LEAST_SHARE, 1)
-                made = self._make(wanted[:allowed], replace=wish == "edges")
-                few = 0 if thorough else self.shape.pages // BUSY_SHARE
-                if self.status.is_limit or (made <= few and not chosen):
-                    break
-                if done == passes and "edges" in wish:
-                    self.status = Status.PASS_LIMIT
-                if not thorough or made == 0:
-                    pixels, chosen = self._pixels(view, share, turn), False
-                elif not chosen and len(edges) * FEW <= view.points.count + FEW - 1:
-                    pixels, chosen = edges, True
+            little = self.shape.pages // LEAST_SHARE
+            if wish == "edges if full":
+                if self._free() >= little:
+                    continue
+                wish = "edges"
+            if wish == "coverage" and (self.frame == 1 or self._free() <= little):
+                break
+            if thorough:
+                self._refine_for_all(view, wish, part, passes)
+                before = None
+            else:
+                for done in range(1, passes + 1):
+                    share, again = settings.pixel_share, before is not None
+                    pixels = before if before is not None else self._pixels(view, share, turn)
+                    before, turn = None, turn + 1
+                    wanted, _ = self._look(pixels, share, wish, note=not again)
+                    made = self._make_part(wanted, part, wish)
+                    if self.status.is_limit or made <= self.shape.pages // BUSY_SHARE:
+                        break
+                    if done == passes and "edges" in wish:
+                        self.status = Status.PASS_LIMIT
+                before = pixels
             if self.status.is_limit:
                 break
-            if not stages and owed:
-                # Once more, with all there is: what the coverage could not afford.
-                owed = False
-                stages = [("coverage", 1.0, most, False), (last, 1.0, most, True)]
+
+    def _refine_for_all(self, view: EyeBuffer, wish: str, part: float, passes: int) -> None:
+        """Every pixel once, then those that asked, then those that another node serves by now."""
+        everyone, count = self._pixels(view), view.points.count
+        asked = self._unsettled(everyone) if self.served_by else everyone
+        for _ in range(passes):
+            note = not self.served_by
+            chosen = everyone if padded_size(count, len(asked)) == count else asked
+            for pixel in chosen:
+                self.served_by[pixel.index] = self._serving(pixel).square
+            wanted, asked = self._look(chosen, 1, wish, note)
+            made = self._make_part(wanted, part, wish)
+            if self.status.is_limit:
+                return
+            if not made:
+                asked = self._unsettled(everyone)
+            if not asked:
+                return
+        if "edges" in wish:
+            self.status = Status.PASS_LIMIT
+
+    def _unsettled(self, pixels: list[Pixel]) -> list[Pixel]:
+        return [p for p in pixels if self._serving(p).square != self.served_by[p.index]]
+
+    def _make_part(self, wanted: list[Request], part: float, wish: str) -> int:
+        allowed = max(int(part * self._free()), self.shape.pages // LEAST_SHARE, 1)
+        return self._make(wanted[:allowed], replace=wish == "edges")
 
     def _follow(self, view: EyeBuffer) -> None:
         self.camera = view.camera
         for turn in range(self.frame, self.frame + FOLLOW_PASSES):
             share = self.settings.pixel_share
-            self.status = Status.COMPLETE
             wish = "follow" if self.settings.cover else "edges"
             wanted, _ = self._look(self._pixels(view, share, turn), share, wish)
             waiting = {request.square: request for request in [*wanted, *self.waiting]}

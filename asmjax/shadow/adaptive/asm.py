@@ -16,6 +16,7 @@ from asmjax.buffers import EyeBuffer, LightRays, SurfacePoints, light_offset, pr
 from asmjax.errors import require
 from asmjax.geometry import LightFrame
 from asmjax.shadow.adaptive.address import address_of, anchor
+from asmjax.shadow.adaptive.attention import compile_attention
 from asmjax.shadow.adaptive.cost_model import CostModel, calibrate
 from asmjax.shadow.adaptive.look import MEASURES, compile_looks
 from asmjax.shadow.adaptive.motion import touched
@@ -55,11 +56,12 @@ class AdaptiveShadowMap(ShadowAlgorithm[AdaptiveState]):
         pixel_share: looks during motion, and the first ones of a view at rest, take one pixel in
             this many, others in each turn; 1, 2, 4 or 8 (the paper's).
         compare, bias: the shadow test; see `asmjax.shadow.comparison`.
-        cover: also refine where no edge was seen, with a quarter of the free memory before the
-            edges and another after them: finds casters that fell between the first texels.
+        cover: also refine where no edge was seen: finds casters that fell between the first texels.
+            First, with a quarter of the memory, until texels are 4 times a pixel's size; fully only
+            in updates of a view at rest, with what the edges leave.
         finest_ratio: memory still left is spent on finer texels along the edges down to this
             texel / pixel size; equal to `ratio_target` spends nothing.
-        max_passes: passes of one stage of refinement, of which a build has two to six.
+        max_passes: passes of one stage of refinement, of which there are two to five.
         cost_model: calibrated costs; None calibrates in `build`.
     """
 
@@ -175,10 +177,11 @@ class AdaptiveShadowMap(ShadowAlgorithm[AdaptiveState]):
         state.check_owned()
         warm_tables(state.shape)
         touched(state.pool, state.tree, frame, np.zeros((0, 3, 2)))
-        compile_looks(
+        everyone = compile_looks(
             state.tree, view, frame, self.goals,
             shape=state.shape, measure=self.measure, share=self.pixel_share,
         )  # fmt: skip
+        compile_attention(state.shape, state.tree, everyone)
 
     def copied(self, state: AdaptiveState) -> AdaptiveState:
         """Tables and texels are copied; raises `UseError` for a state that was taken over."""

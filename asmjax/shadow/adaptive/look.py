@@ -36,9 +36,12 @@ from asmjax.shadow.comparison import plane_is_trusted
 COARSE = 4.0
 """Texel / pixel size, over the matched one, that coarse coverage is content with."""
 
-FEW = 16
-"""Part of the receivers that are looked at again near edges: fewer are padded to as many, and more
-mean all of them, so that nothing retraces."""
+PARTS = (128, 16, 4)
+"""Parts of the receivers that a look at some of them is padded to, so that nothing retraces: the
+first that holds them, or all."""
+
+LEAST = 1024
+"""Receivers that a look is worth preparing for."""
 
 
 def _axis(points, camera, frame, receivers):
@@ -66,29 +69,35 @@ class Audience(eqx.Module):
         receivers, address: (n,) of them.
         log2_ratio: (n,) log2 of texel / pixel size for one texel per face side.
         weight: eye pixels that each of them stands for.
-        picked: whether they are those near an edge, out of more.
     """
 
     receivers: Receivers
     address: Address
     log2_ratio: Float[Array, " n"]
     weight: int = eqx.field(static=True)
-    picked: bool = eqx.field(static=True, default=False)
 
     @property
     def count(self) -> int:
         return self.receivers.facing.shape[0]
 
-    def only(self, which: Bool[np.ndarray, " n"]) -> "Audience":
-        """The chosen receivers, filled up with ones that face no light to one in `FEW` of all; all
-        where more are chosen, and the same where a choice was made before."""
-        index = np.flatnonzero(which)
-        size = -(-self.count // FEW)
-        if self.picked or index.size > size:
+    def picked(self, who: Int[np.ndarray, " k"]) -> "Audience":
+        """The receivers of the given numbers, filled up with ones that face no light; all where
+        there are many, see `PARTS`."""
+        size = padded_size(self.count, who.size)
+        if size == self.count:
             return self
         padded = np.zeros(size, np.int32)
-        padded[: index.size] = index
-        return _picked(self, padded, index.size)
+        padded[: who.size] = who
+        return _picked(self, padded, who.size)
+
+
+def padded_size(count: int, chosen: int) -> int:
+    """How many receivers a look at `chosen` ones out of `count` takes."""
+    return next(size for size in _sizes_of(count) if size >= chosen)
+
+
+def _sizes_of(count: int) -> tuple[int, ...]:
+    return *(-(-count // part) for part in PARTS if count >= part * LEAST), count
 
 
 @jax.jit
@@ -96,7 +105,7 @@ def _picked(audience: Audience, index, count) -> Audience:
     chosen = jax.tree.map(lambda a: a[..., index], audience)
     real = jnp.arange(index.size) < count
     facing = chosen.receivers.facing & real
-    return replace(chosen, receivers=replace(chosen.receivers, facing=facing), picked=True)
+    return replace(chosen, receivers=replace(chosen.receivers, facing=facing))
 
 
 def audience_of(
@@ -117,9 +126,13 @@ def first_look(
     share: int,
     turn: int,
 ) -> "tuple[Audience, Analysis]":
-    """`audience_of` and `analyse` in one call; `goals` are the latter's last three arguments."""
-    arguments = _arguments(view, frame, share, turn)
-    return _first_look(tree, arguments, goals, shape=shape, measure=measure, weight=share)
+    """`audience_of` and `analyse`; `goals` are the latter's last three arguments.
+
+    Two programs: as one, XLA's CPU backend forms the receivers anew for each of the taps.
+    """
+    audience = audience_of(view, frame, measure, share, turn)
+    perspective = frame.perspective
+    return audience, analyse(tree, audience, *goals, shape=shape, perspective=perspective)
 
 
 def compile_looks(
@@ -131,24 +144,23 @@ def compile_looks(
     shape: TreeShape,
     measure: str,
     share: int,
-) -> None:
-    """Have looks of every size compiled: at all pixels, at few of them near edges, at one turn's
-    share of them whatever part sees a surface, and at those again."""
+) -> Audience:
+    """Have looks of every size compiled: at all pixels, at some of them again, at one turn's share
+    of them whatever part sees a surface, and at those again. Returns all receivers."""
     arguments = _arguments(view, frame, 1, 0)
-    sizes = [None] if share == 1 else [None, *_sizes(_pixels(*view.size, share, 0).size)]
-    for size in sizes:
-        pixels = None if size is None else np.full(size, -1, np.int32)
-        weight = 1 if size is None else share
-        looking, _ = _first_look(
-            tree,
-            (*arguments[:4], pixels, *arguments[5:]),
-            goals,
-            shape=shape,
-            measure=measure,
-            weight=weight,
-        )
-        again = looking.only(np.zeros(looking.count, bool)) if size is None else looking
-        analyse(tree, again, *goals, shape=shape, perspective=frame.perspective)
+
+    def audience(pixels, weight):
+        some = (*arguments[:4], pixels, *arguments[5:])
+        return _audience(*some, measure=measure, weight=weight)
+
+    everyone = audience(None, 1)
+    every = [everyone.picked(np.zeros(size, np.int32)) for size in _sizes_of(everyone.count)]
+    if share > 1:
+        sizes = _sizes(_pixels(*view.size, share, 0).size)
+        every += [audience(np.full(size, -1, np.int32), share) for size in sizes]
+    for looking in every:
+        analyse(tree, looking, *goals, shape=shape, perspective=frame.perspective)
+    return everyone
 
 
 def _arguments(view: EyeBuffer, frame: LightFrame, share: int, turn: int) -> tuple:
@@ -174,14 +186,6 @@ def _sizes(count: int) -> tuple[int, ...]:
     """A quarter, a half and all of so many pixels: the sizes of looks at those that see a surface,
     so that few shapes are ever traced."""
     return -(-count // 4), -(-count // 2), count
-
-
-@partial(jax.jit, static_argnames=("shape", "measure", "weight"))
-def _first_look(tree, arguments, goals, *, shape, measure, weight):
-    # Computed once: XLA's CPU backend would form all of it anew for each of the taps.
-    audience = jax.lax.optimization_barrier(_audience(*arguments, measure=measure, weight=weight))
-    perspective = arguments[6].perspective
-    return audience, analyse(tree, audience, *goals, shape=shape, perspective=perspective)
 
 
 @lru_cache(maxsize=16)

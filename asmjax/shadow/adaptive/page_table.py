@@ -105,7 +105,7 @@ class PageTable:
         changed, self._changed = self._changed, []
         count = 0 if changed is None else sum(at.size for at in changed)
         if changed is None or count > CHANGES:
-            return jax.device_put(self.entries.copy())
+            return jnp.array(self.entries)
         if count == 0:
             return device
         at = np.zeros(CHANGES, np.int32)

@@ -154,7 +154,10 @@ class NodePool:
         refused = int((~wins).sum())
         requests, key = requests.take(wins), key[wins]
         self.free_pages -= key.size
-        pages = self._free[self.free_pages : self.free_pages + key.size][::-1].copy()
+        order = np.argsort(key)
+        pages = np.empty(key.size, np.int32)
+        # Pages that are near each other in the image have numbers in a row where those are free.
+        pages[order] = np.sort(self._free[self.free_pages : self.free_pages + key.size])
         placed = self.table.cover(pages, requests.squares)
         if not placed.all():
             # Tables that lost their last page are given back by building them anew.
@@ -186,9 +189,9 @@ class NodePool:
     def use(self, pages: np.ndarray, now: int, weight: int) -> None:
         """Note that each of `pages` (k,) serves `weight` eye pixels in this look: that it was used,
         and that it is worth as many as it serves."""
-        self.stamp[pages] = now
-        served = np.bincount(pages, minlength=self.shape.pages) * np.float32(weight)
-        np.maximum(self.benefit, served, out=self.benefit)
+        served = np.bincount(pages, minlength=self.shape.pages)
+        self.stamp[served > 0] = now
+        np.maximum(self.benefit, served * np.float32(weight), out=self.benefit)
 
     def unused(self, oldest: int) -> np.ndarray:
         """Pages whose whole subtree has a stamp below `oldest`, in the order in which they may go:

@@ -1,8 +1,10 @@
 """Deciding what to refine: which nodes the receivers ask for, and in which order."""
 
 from enum import Enum
+from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Int
 
 from asmjax.shadow.adaptive.address import BITS
 from asmjax.shadow.adaptive.cost_model import CostModel
@@ -18,34 +20,50 @@ class Wish(Enum):
     EDGES = "mismatched pixels that straddle a discontinuity (Fernando et al. 2001)"
     COARSE_COVERAGE = "all pixels `COARSE` times too coarse: finds what the first texels missed"
     COVERAGE = "all mismatched pixels"
-    FINER_EDGES = "pixels that straddle a discontinuity, one level beyond what they have"
+    FINER_EDGES = "pixels that straddle a discontinuity, `FINER_LEVELS` beyond what they have"
     FOLLOW = "a moving view: mismatched edges, and coarse coverage where there are none"
 
 
-FINER_LEVELS = 1
-"""Levels that a pass over finer edges goes deeper, at most."""
+FINER_LEVELS = 2
+"""Levels that a pass over finer edges goes deeper, at most. One at a time takes as many nodes again
+for the levels between; three and more take them for texels that turn out to hold no edge."""
 
 _EDGES_ONLY = (Wish.EDGES, Wish.FINER_EDGES)
 """Wishes of pixels that straddle an edge, which all face the light."""
 
 
-def requests_of(shape: TreeShape, analysis: Analysis, audience: Audience, wish: Wish) -> Requests:
-    """The nodes that the receivers ask for, each once, with benefit and N_required.
+class Asking(NamedTuple):
+    """Receivers that ask for a deeper page, each (k,): their number in the audience, the level that
+    serves them, and the level they ask for."""
 
-    A receiver asks for the node over it at its target level: several levels at once where it
-    needs them. N_required = N_current * area ratio, its largest value over the node's square.
-    """
-    entry, straddles = np.asarray(analysis.entry), np.asarray(analysis.straddles)
-    level = level_of(entry)
-    target = np.asarray(analysis.coarse if wish is Wish.COARSE_COVERAGE else analysis.target)
+    who: Int[np.ndarray, " k"]
+    level: Int[np.ndarray, " k"]
+    target: Int[np.ndarray, " k"]
+
+
+def asking_of(analysis: Analysis, audience: Audience, wish: Wish) -> Asking:
+    """Which receivers of a look want what: several levels at once where they need them."""
+    straddles = np.asarray(analysis.straddles)
+    may = straddles if wish in _EDGES_ONLY else np.asarray(audience.receivers.facing)
+    who = np.flatnonzero(may)
+    level = level_of(np.asarray(analysis.entry)[who])
+    target = np.asarray(analysis.coarse if wish is Wish.COARSE_COVERAGE else analysis.target)[who]
     if wish is Wish.FINER_EDGES:
-        target = np.maximum(target, np.minimum(level + FINER_LEVELS, np.asarray(analysis.finest)))
+        finer = np.minimum(level + FINER_LEVELS, np.asarray(analysis.finest)[who])
+        target = np.maximum(target, finer)
     elif wish is Wish.FOLLOW:
-        target = np.where(straddles, target, np.asarray(analysis.coarse))
+        target = np.where(straddles[who], target, np.asarray(analysis.coarse)[who])
     wants = level < target
-    wants &= straddles if wish in _EDGES_ONLY else np.asarray(audience.receivers.facing)
-    who = np.flatnonzero(wants)
-    level, target = level[who].astype(np.int64), target[who].astype(np.int64)
+    return Asking(who[wants], level[wants].astype(np.int64), target[wants].astype(np.int64))
+
+
+def requests_of(shape: TreeShape, audience: Audience, asking: Asking) -> Requests:
+    """The nodes that receivers ask for, each once, with benefit and N_required.
+
+    A receiver asks for the node over it at its target level.
+    N_required = N_current * area ratio, its largest value over the node's square.
+    """
+    who, level, target = asking
     shift = BITS - shape.log2_nodes_at(target)
     column, row = (np.asarray(at)[who] >> shift for at in (audience.address.x, audience.address.y))
     face = np.asarray(audience.receivers.face)[who].astype(np.int64)

@@ -9,14 +9,21 @@ import numpy as np
 
 from asmjax.buffers import EyeBuffer, LightRays
 from asmjax.geometry import LightFrame
+from asmjax.shadow.adaptive.attention import Attention
 from asmjax.shadow.adaptive.cost_model import CostModel
-from asmjax.shadow.adaptive.look import Audience, analyse, first_look
+from asmjax.shadow.adaptive.look import Analysis, Audience, analyse, first_look
 from asmjax.shadow.adaptive.page_table import page_of
 from asmjax.shadow.adaptive.pool import NodePool, Requests, no_requests
-from asmjax.shadow.adaptive.refine import Wish, most_profitable_first, requests_of
+from asmjax.shadow.adaptive.refine import (
+    Asking,
+    Wish,
+    asking_of,
+    most_profitable_first,
+    requests_of,
+)
 from asmjax.shadow.adaptive.shape import TreeShape, page_windows
 from asmjax.shadow.adaptive.state import BuildLog
-from asmjax.shadow.adaptive.tree import Tree, store_pages
+from asmjax.shadow.adaptive.tree import Tree, store_pages, store_run
 from asmjax.shadow.base import Status
 
 BUCKETS = (16, 128, 1024)
@@ -52,14 +59,27 @@ class Stage(NamedTuple):
         share: part of the free pages that a pass may take.
         passes: the most passes.
         thorough: look at every pixel rather than at one turn's share.
-        if_uncovered: only for what an earlier coverage could not afford.
     """
 
     wish: Wish
     share: float
     passes: int
     thorough: bool = False
-    if_uncovered: bool = False
+
+
+class Look(NamedTuple):
+    """One look at receivers.
+
+    Attributes:
+        wanted: what they ask for, most profitable first.
+        audience, analysis: who was looked at, and what was found.
+        asking: who of them asks.
+    """
+
+    wanted: Requests
+    audience: Audience
+    analysis: Analysis
+    asking: Asking
 
 
 class Refiner:
@@ -88,11 +108,14 @@ class Refiner:
         self.frame, self.rays, self.start = frame, rays, start
         self.last_look = 0.0
         self.given_up = 0
+        self.planted = False
+        self.attention: Attention | None = None
         self.made = np.zeros(shape.pages, bool)
         log.frame += 1
 
     def plant(self) -> None:
         """Make the level-0 nodes: all that there is before the first look."""
+        self.planted = True
         self.tree = _stores_compiled(self.shape, self.tree)
         got = self.pool.admit(self.pool.roots(), self.log.frame, self.log.frame, False)
         self.log.made += got.pages.size
@@ -122,46 +145,78 @@ class Refiner:
 
     def rest(self) -> None:
         """Refine a view at rest until nothing is left to gain or a limit ends it."""
-        # Turns go on from update to update: where a limit ends each after its first look, all
-        # pixels still are seen, and no page that serves one of them looks unused.
-        covered, turn, looking = True, self.log.frame, None
         # What waited is found again.
         self.pool.gather(no_requests(), 0, 0)
+        # Turns go on from update to update: where a limit ends each after its first look, all
+        # pixels still are seen, and no page that serves one of them looks unused.
+        turn, audience = self.log.frame, None
         for stage in self._stages():
-            if stage.if_uncovered and covered:
-                continue
-            # The first pass looks at the same pixels as the stage before, where both take a share.
-            thorough = stage.thorough
-            following = None if thorough else looking
-            for done in range(1, stage.passes + 1):
-                wanted, looking, straddles = self._look(stage.wish, thorough, turn, following)
-                turn += 1
-                free = self.pool.free_pages
-                allowed = max(int(stage.share * free), self.shape.pages // LEAST_SHARE, 1)
-                if stage.wish is Wish.COVERAGE and not stage.if_uncovered:
-                    covered = wanted.count <= int(stage.share * free)
-                made = self._make(wanted.take(slice(allowed)), replace=stage.wish is Wish.EDGES)
-                few = 0 if thorough else self.shape.pages // BUSY_SHARE
-                if self.log.status.is_limit or (made <= few and not looking.picked):
-                    break
-                if done == stage.passes and stage.wish in (Wish.EDGES, Wish.FINER_EDGES):
-                    self.log.status = Status.PASS_LIMIT
-                # A thorough stage sees every pixel, then only those near an edge as long as they
-                # gain; at the end all again: finer texels may have shown an edge to others. A share
-                # of the pixels is followed by another.
-                following = looking.only(straddles) if thorough and made else None
+            if stage.thorough:
+                audience = None
+                self._refine_for_all(stage)
+            else:
+                turn, audience = self._refine_in_turns(stage, turn, audience)
             if self.log.status.is_limit:
                 break
-            looking = None if thorough else looking
         self._finish()
+
+    def _refine_in_turns(
+        self, stage: Stage, turn: int, audience: Audience | None
+    ) -> tuple[int, Audience | None]:
+        """Passes that look at one turn's share of the pixels each, the first at `audience` if any.
+
+        Returns the next turn and the last audience.
+        """
+        last = audience
+        for _ in range(stage.passes):
+            look = self._look(stage.wish, audience, turn)
+            turn, audience, last = turn + 1, None, look.audience
+            made = self._make_part(look.wanted, stage)
+            if self.log.status.is_limit or made <= self.shape.pages // BUSY_SHARE:
+                return turn, last
+        self._note_passes(stage)
+        return turn, last
+
+    def _refine_for_all(self, stage: Stage) -> None:
+        """Passes that look at every pixel once, then at those that asked for more, and in the end
+        at those that are served by other pages than before: those may have shown them an edge."""
+        attention, asked = self.attention, None
+        for _ in range(stage.passes):
+            if attention is None:
+                look = self._look(stage.wish)
+                self.attention = attention = Attention(look.audience, self.tree, look.analysis)
+                who = np.arange(look.audience.count)
+            else:
+                if asked is None:
+                    asked = attention.unsettled(self.shape, self.tree)
+                audience, who = attention.some(asked)
+                look = self._look(stage.wish, audience)
+                attention.note(who, look.analysis)
+            made = self._make_part(look.wanted, stage)
+            if self.log.status.is_limit:
+                return
+            asked = who[look.asking.who] if made else attention.unsettled(self.shape, self.tree)
+            if not asked.size:
+                return
+        self._note_passes(stage)
+
+    def _make_part(self, wanted: Requests, stage: Stage) -> int:
+        """Make the first of the requests, as many as one pass may; how many were made."""
+        part = int(stage.share * self.pool.free_pages)
+        allowed = max(part, self.shape.pages // LEAST_SHARE, 1)
+        return self._make(wanted.take(slice(allowed)), replace=stage.wish is Wish.EDGES)
+
+    def _note_passes(self, stage: Stage) -> None:
+        if stage.wish in (Wish.EDGES, Wish.FINER_EDGES):
+            self.log.status = Status.PASS_LIMIT
 
     def follow(self) -> None:
         """Refine for a moving view: one turn's share of its pixels, matched and no finer."""
         wish = Wish.FOLLOW if self.settings.cover else Wish.EDGES
         least = self.shape.pages // WORTH_SHARE
         for turn in range(FOLLOW_PASSES):
-            wanted, *_ = self._look(wish, False, self.log.frame + turn)
-            wanted = self.pool.gather(wanted, least, LONGEST_WAIT)
+            look = self._look(wish, turn=self.log.frame + turn)
+            wanted = self.pool.gather(look.wanted, least, LONGEST_WAIT)
             if wanted.count == 0:
                 break
             made = self._make(most_profitable_first(wanted, self.cost_model), replace=True)
@@ -175,55 +230,54 @@ class Refiner:
         """What to look for, in order.
 
         Finer edges are found pass by pass, so each takes half of what is left: the last pages go
-        where the last look says they help most.
+        where the last look says they help most. Pixels without an edge come last, and only in a
+        view that stays at rest: that is where memory helps least.
         """
         most, cover = self.settings.max_passes, self.settings.cover
         modern = self.settings.finest_ratio < self.settings.ratio_target
+        little = self.shape.pages // LEAST_SHARE
         if not cover and not modern:
             yield Stage(Wish.EDGES, 1.0, most)
             yield Stage(Wish.EDGES, 1.0, most, thorough=True)
             return
         if cover:
             yield Stage(Wish.COARSE_COVERAGE, 0.25, 1)
-        yield Stage(Wish.EDGES, 0.5, most)
+        if not cover or self.pool.free_pages < little:
+            # Matched edges may take the place of what serves fewer pixels; finer ones may not.
+            yield Stage(Wish.EDGES, 0.5, most)
         last = Wish.FINER_EDGES if modern else Wish.EDGES
-        if cover:
-            yield Stage(Wish.COVERAGE, 0.25, 1)
         yield Stage(last, 0.5, most, thorough=True)
-        if cover:
-            # What the first coverage could not afford, and the edges that it brings to light.
-            yield Stage(Wish.COVERAGE, 1.0, most, if_uncovered=True)
-            yield Stage(last, 1.0, most, thorough=True, if_uncovered=True)
+        if cover and not self.planted and self.pool.free_pages > little:
+            yield Stage(Wish.COVERAGE, 0.5, 1)
+            yield Stage(last, 0.5, most, thorough=True)
 
-    def _look(
-        self, wish: Wish, thorough: bool, turn: int, looking: Audience | None = None
-    ) -> tuple[Requests, Audience, np.ndarray]:
-        """Look at `looking`, or else at the view or at one turn's share of it.
-
-        Returns what is asked for, most profitable first; who was looked at; which of them straddle
-        an edge.
-        """
+    def _look(self, wish: Wish, audience: Audience | None = None, turn: int | None = None) -> Look:
+        """Look at `audience`, or else at one turn's share of the view, or at all of it."""
         began = time.perf_counter()
         settings, goals = self.settings, self.settings.goals
-        if looking is None:
-            looking, analysis = first_look(
+        again = audience is not None
+        if audience is None:
+            share, turn = (1, 0) if turn is None else (settings.pixel_share, turn)
+            audience, analysis = first_look(
                 self.tree, self.view, self.frame, goals, shape=self.shape,
-                measure=settings.measure, share=1 if thorough else settings.pixel_share, turn=turn,
+                measure=settings.measure, share=share, turn=turn,
             )  # fmt: skip
         else:
             perspective = self.frame.perspective
             analysis = analyse(
-                self.tree, looking, *goals, shape=self.shape, perspective=perspective
+                self.tree, audience, *goals, shape=self.shape, perspective=perspective
             )
         self.log.status = Status.COMPLETE
-        facing = np.asarray(looking.receivers.facing)
-        pages = page_of(np.asarray(analysis.entry)[facing])
-        self.pool.use(pages, self.log.frame, looking.weight)
-        wanted = requests_of(self.shape, analysis, looking, wish)
+        if not again:
+            facing = np.asarray(audience.receivers.facing)
+            pages = page_of(np.asarray(analysis.entry)[facing])
+            self.pool.use(pages, self.log.frame, audience.weight)
+        asking = asking_of(analysis, audience, wish)
+        wanted = requests_of(self.shape, audience, asking)
         wanted = most_profitable_first(wanted, self.cost_model)
         self.last_look = time.perf_counter() - began
         self.log.analysis += self.last_look
-        return wanted, looking, np.asarray(analysis.straddles)
+        return Look(wanted, audience, analysis, asking)
 
     def _make(self, requests: Requests, replace: bool) -> int:
         """Cast and store the nodes that fit into time and memory; returns how many were made."""
@@ -297,14 +351,19 @@ def buckets_of(shape: TreeShape) -> tuple[int, ...]:
 
 def _store(shape: TreeShape, tree: Tree, pages, depth, prim) -> Tree:
     """The tree, taken over, with the texels of `pages` (k,), k at most the largest bucket."""
-    bucket = next(b for b in buckets_of(shape) if b >= pages.size)
-    stored = store_pages(
-        tree.depth,
-        tree.prim,
-        _padded(pages.astype(np.int32), bucket, shape.pages),
+    count = pages.size
+    bucket = next(b for b in buckets_of(shape) if b >= count)
+    texels = (
         None if tree.depth is None else _padded(depth, bucket),
         None if tree.prim is None else _padded(prim, bucket),
     )
+    in_a_row = pages[-1] - pages[0] == count - 1 and bool(np.all(np.diff(pages) == 1))
+    if in_a_row and pages[0] + bucket <= shape.pages:
+        first = np.int32(pages[0])
+        stored = store_run(tree.depth, tree.prim, first, np.int32(count), *texels)
+    else:
+        places = _padded(pages.astype(np.int32), bucket, shape.pages)
+        stored = store_pages(tree.depth, tree.prim, places, *texels)
     return Tree(tree.entries, *stored)
 
 
@@ -316,11 +375,10 @@ def _stores_compiled(shape: TreeShape, tree: Tree) -> Tree:
     kind = shape, tree.depth is None, tree.prim is None, jax.config.read("jax_enable_x64")
     if kind not in _compiled:
         for bucket in buckets_of(shape):
-            spare = np.full(bucket, shape.pages, np.int32)
             texels = (bucket, shape.side, shape.side)
-            tree = _store(
-                shape, tree, spare, np.zeros(texels, np.float32), np.zeros(texels, np.int32)
-            )
+            empty = np.zeros(texels, np.float32), np.zeros(texels, np.int32)
+            for pages in (np.full(bucket, shape.pages), np.arange(bucket)):
+                tree = _store(shape, tree, pages, *empty)
         _compiled.add(kind)
     return tree
 
@@ -329,6 +387,6 @@ def _padded(a: np.ndarray, count: int, fill=0) -> np.ndarray:
     """`a` with its first axis filled up to `count` entries; itself where nothing is missing."""
     if a.shape[0] == count:
         return a
-    result = np.full((count, *a.shape[1:]), fill, a.dtype)
-    result[: a.shape[0]] = a
+    result = np.empty((count, *a.shape[1:]), a.dtype)
+    result[: a.shape[0]], result[a.shape[0] :] = a, fill
     return result

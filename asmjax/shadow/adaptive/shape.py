@@ -15,8 +15,12 @@ GUARD = 1
 LOG2_TABLE = 3
 """log2 of the entries a side of a page table: one step of a lookup passes this many levels of 2."""
 
-PAGES_PER_TABLE = 4
-"""Room for page tables below the top one. Scenes of all kinds use one for 6 to 12 pages."""
+PAGES_PER_TABLE = 3
+"""Room for page tables below the top one. Most scenes use one for 3.4 to 6 pages; light from a lamp
+within a room, which has six faces, one for 2.2: the tables are full before the pages are."""
+
+CHAIN_TABLES = 6
+"""More of them where there are pages enough: one deep node takes one every three levels."""
 
 TOP_SHARE = 1 / 24
 """Part of the memory that the top page table may take, on device and host together."""
@@ -118,6 +122,8 @@ def shape_for(
     # One more page takes the padding of writes; one more table rounds their number up.
     fixed = page_bytes + table_bytes + CAMERA_BYTES
     per_page = page_bytes + PAGE_TABLES_BYTES + PYRAMID_BYTES + table_bytes / PAGES_PER_TABLE
+    chain = CHAIN_TABLES if memory_bytes > 4 * CHAIN_TABLES * per_page else 0
+    fixed += chain * table_bytes
     log2_top = 0
     while ENTRY_BYTES * (faces << 2 * (log2_top + 1)) <= memory_bytes * TOP_SHARE:
         log2_top += 1
@@ -167,7 +173,7 @@ def shape_for(
         faces=faces,
         pages=pages,
         log2_top=log2_top,
-        tables=pages // PAGES_PER_TABLE + 1,
+        tables=pages // PAGES_PER_TABLE + 1 + chain,
     )
 
 
