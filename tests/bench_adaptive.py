@@ -17,12 +17,12 @@ import numpy as np
 import pytest
 from helpers.mitsuba_scenes import loaded
 
-from asmjax.buffers import EyeBuffer, LightRays, light_offset, project, whole_image
+from asmjax.buffers import EyeBuffer, LightRays, anchor, light_offset, project, whole_image
 from asmjax.geometry import LightFrame
 from asmjax.render import caster
 from asmjax.scene.path import CameraPath, orbit_keys
 from asmjax.shadow import AdaptiveShadowMap, UniformShadowMap, calibrate
-from asmjax.shadow.adaptive.address import BITS, address_of, anchor
+from asmjax.shadow.adaptive.address import BITS, address_of
 from asmjax.shadow.adaptive.look import first_look
 from asmjax.shadow.adaptive.page_table import LEVEL_BITS, find_entries, take
 from asmjax.shadow.adaptive.shape import page_windows

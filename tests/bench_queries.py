@@ -17,12 +17,12 @@ import pytest
 from helpers.mitsuba_scenes import loaded, real_scene
 from helpers.registry import FAST
 
-from asmjax.buffers import EyeBuffer, light_offset, project, seen_points
+from asmjax.buffers import EyeBuffer, anchor, light_offset, project, seen_points
 from asmjax.preparation import sample_offsets
 from asmjax.scene.spec import ViewSpec
 from asmjax.shadow import AdaptiveShadowMap
 from asmjax.shadow.adaptive import AdaptiveState
-from asmjax.shadow.adaptive.address import BITS, address_of, anchor
+from asmjax.shadow.adaptive.address import BITS, address_of
 from asmjax.shadow.adaptive.blocks import DARK, LIT, decided, visibility_by_blocks
 from asmjax.shadow.adaptive.bounds import page_bounds, pyramid
 from asmjax.shadow.adaptive.page_table import find_entries, level_of, page_of, take

@@ -13,14 +13,13 @@ from helpers.poses import KINDS, Kind, random_pose, surface_points
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from asmjax.buffers import SurfacePoints, light_offset, project
+from asmjax.buffers import SurfacePoints, anchor, light_offset, project
 from asmjax.geometry import LightFrame
 from asmjax.shadow.adaptive.address import (
     BITS,
     DEEPEST_LOG2,
     Address,
     address_of,
-    anchor,
     centre_offset,
     index_at,
 )

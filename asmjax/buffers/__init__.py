@@ -1,10 +1,13 @@
 """What flows between the stages: the eye's image, the light's image, and their meeting."""
 
+from asmjax.buffers.anchored import Anchor, anchor, double, image_rows
 from asmjax.buffers.points import EyeBuffer, SeenPoints, SurfacePoints, eye_buffer, seen_points
-from asmjax.buffers.rays import LightBuffer, LightRays, TexelWindows, whole_image
+from asmjax.buffers.rays import ChartBuffer, LightBuffer, LightRays, TexelWindows, whole_image
 from asmjax.buffers.receivers import Receivers, light_offset, project
 
 __all__ = [
+    "Anchor",
+    "ChartBuffer",
     "EyeBuffer",
     "LightBuffer",
     "LightRays",
@@ -12,7 +15,10 @@ __all__ = [
     "SeenPoints",
     "SurfacePoints",
     "TexelWindows",
+    "anchor",
+    "double",
     "eye_buffer",
+    "image_rows",
     "light_offset",
     "project",
     "seen_points",

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float32, Int32
 
-from asmjax.geometry import LightFrame
+from asmjax.geometry import Charts, LightFrame
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +55,18 @@ class LightBuffer(NamedTuple):
     prim: Int32[np.ndarray, "k side side"]
 
 
+class ChartBuffer(NamedTuple):
+    """Depth and primitive of the first surface behind each texel of some charts, on the host.
+
+    Attributes:
+        depth: (texels,) float32 axial depth in scene units, +inf where nothing is hit.
+        prim: (texels,) int32 global primitive id, -1 where nothing is hit.
+    """
+
+    depth: Float32[np.ndarray, " texels"]
+    prim: Int32[np.ndarray, " texels"]
+
+
 def whole_image(frame: LightFrame, resolution: int) -> TexelWindows:
     """One window per face that covers the face with `resolution` texels a side."""
     return TexelWindows(
@@ -91,3 +103,13 @@ class LightRays(abc.ABC):
             t, hit = self.closest(origins, directions)
             depth[k], prim[k] = t.reshape(side, side), hit.reshape(side, side)
         return LightBuffer(depth, prim)
+
+    def chart_buffer(self, frame: LightFrame, charts: Charts) -> ChartBuffer:
+        """Depth and primitive at every texel centre of `charts`, through `closest`."""
+        depth = np.empty(charts.texels, np.float32)
+        prim = np.empty(charts.texels, np.int32)
+        for k in range(charts.count):
+            mine = slice(charts.first[k], charts.first[k] + charts.size[k].prod())
+            origins, directions = frame.ray(int(charts.face[k]), *charts.centres(k))
+            depth[mine], prim[mine] = self.closest(origins, directions)
+        return ChartBuffer(depth, prim)

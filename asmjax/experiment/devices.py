@@ -10,11 +10,11 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from asmjax import machine
-from asmjax.buffers import light_offset, project
+from asmjax.buffers import anchor, light_offset, project
 from asmjax.experiment.stored_view import Device, StoredView, on_device
 from asmjax.experiment.timing import timed
 from asmjax.footprint import log2_linear_ratio, log2_m, uv_jacobian
-from asmjax.shadow.adaptive.address import address_of, anchor
+from asmjax.shadow.adaptive.address import address_of
 from asmjax.shadow.adaptive.tree import lookup
 
 

@@ -14,6 +14,14 @@
 
 from asmjax.geometry.basis import basis_from_axis, unit
 from asmjax.geometry.camera import Camera, look_at
+from asmjax.geometry.charts import (
+    Chart,
+    Charts,
+    image_to_plane,
+    laid_out,
+    padded,
+    plane_to_image,
+)
 from asmjax.geometry.light_frame import (
     LightFrame,
     fitted_directional_frame,
@@ -25,13 +33,19 @@ from asmjax.geometry.light_frame import (
 
 __all__ = [
     "Camera",
+    "Chart",
+    "Charts",
     "LightFrame",
     "basis_from_axis",
     "fitted_directional_frame",
     "fitted_point_frame",
     "fixed_frame",
+    "image_to_plane",
     "in_domain",
+    "laid_out",
     "look_at",
+    "padded",
+    "plane_to_image",
     "towards_light",
     "unit",
 ]

@@ -4,6 +4,14 @@ from asmjax.shadow.adaptive import PRESETS, AdaptiveShadowMap, CostModel, calibr
 from asmjax.shadow.base import Cost, NodeCounts, ShadowAlgorithm, Status
 from asmjax.shadow.registry import ALGORITHMS
 from asmjax.shadow.uniform import UniformShadowMap, resolution_for
+from asmjax.shadow.warped import (
+    LightSpaceShadowMap,
+    LogarithmicShadowMap,
+    PartitionedShadowMap,
+    PerspectiveShadowMap,
+    SubdividedShadowMap,
+    TrapezoidalShadowMap,
+)
 
 __all__ = [
     "ALGORITHMS",
@@ -14,6 +22,12 @@ __all__ = [
     "NodeCounts",
     "ShadowAlgorithm",
     "Status",
+    "LightSpaceShadowMap",
+    "LogarithmicShadowMap",
+    "PartitionedShadowMap",
+    "PerspectiveShadowMap",
+    "SubdividedShadowMap",
+    "TrapezoidalShadowMap",
     "UniformShadowMap",
     "calibrate",
     "preset",

@@ -7,6 +7,7 @@ from typing import Generic, TypeVar
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Float64
 
@@ -135,6 +136,13 @@ class ShadowAlgorithm(eqx.Module, Generic[State]):
         """1 where a point is lit, 0 where it is in shadow; 0 where it is not valid."""
 
     @abc.abstractmethod
+    def density(self, state: State, points: SurfacePoints) -> Float[Array, "2 2 n"]:
+        """Texels per image size at each point: [i, k] is d(texel)_i / d(u, v)_k of what answers it.
+
+        Times `uv_jacobian` it is texels per eye pixel. 0 where the light does not reach.
+        """
+
+    @abc.abstractmethod
     def cost(self, state: State) -> Cost:
         """What the state cost and holds, read from its arrays."""
 
@@ -145,6 +153,12 @@ class ShadowAlgorithm(eqx.Module, Generic[State]):
     @abc.abstractmethod
     def effective_resolution(self, state: State) -> int:
         """Texels per side of the flat map that would have the state's finest texels throughout."""
+
+
+def isotropic(texels: Float[Array, " n"]) -> Float[Array, "2 2 n"]:
+    """The density of a map of square texels in u and v, `texels` (n,) of them a side."""
+    none = jnp.zeros_like(texels)
+    return jnp.stack([jnp.stack([texels, none]), jnp.stack([none, texels])])
 
 
 def array_bytes(*trees) -> int:

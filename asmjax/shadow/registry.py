@@ -3,9 +3,23 @@
 from asmjax.shadow.adaptive import AdaptiveShadowMap
 from asmjax.shadow.base import ShadowAlgorithm
 from asmjax.shadow.uniform import UniformShadowMap
+from asmjax.shadow.warped import (
+    LightSpaceShadowMap,
+    LogarithmicShadowMap,
+    PartitionedShadowMap,
+    PerspectiveShadowMap,
+    SubdividedShadowMap,
+    TrapezoidalShadowMap,
+)
 
 ALGORITHMS: dict[str, type[ShadowAlgorithm]] = {
     "uniform": UniformShadowMap,
     "adaptive": AdaptiveShadowMap,
+    "perspective": PerspectiveShadowMap,
+    "light-space": LightSpaceShadowMap,
+    "trapezoidal": TrapezoidalShadowMap,
+    "logarithmic": LogarithmicShadowMap,
+    "partitioned": PartitionedShadowMap,
+    "subdivided": SubdividedShadowMap,
 }
 """Family name, with which the names of its results begin, to class."""

@@ -22,7 +22,7 @@ from asmjax.buffers import (
 from asmjax.errors import require
 from asmjax.footprint import straddles_discontinuity
 from asmjax.geometry import LightFrame
-from asmjax.shadow.base import Cost, ShadowAlgorithm, Status, array_bytes
+from asmjax.shadow.base import Cost, ShadowAlgorithm, Status, array_bytes, isotropic
 from asmjax.shadow.comparison import (
     BIAS,
     Compare,
@@ -112,6 +112,11 @@ class UniformShadowMap(ShadowAlgorithm[UniformState]):
             state.frame, state.depth, state.prim, points, offset,
             self.resolution, self.bias,
         )  # fmt: skip
+
+    def density(self, state: UniformState, points: SurfacePoints) -> Float[Array, "2 2 n"]:
+        receivers = project(points, state.frame, light_offset(points, state.frame))
+        texels = jnp.where(receivers.facing, self.resolution, 0)
+        return isotropic(texels.astype(points.position.dtype))
 
     def cost(self, state: UniformState) -> Cost:
         return Cost(

@@ -1,7 +1,7 @@
 """Light rays that count what they cast."""
 
-from asmjax.buffers import LightBuffer, LightRays, TexelWindows
-from asmjax.geometry import LightFrame
+from asmjax.buffers import ChartBuffer, LightBuffer, LightRays, TexelWindows
+from asmjax.geometry import Charts, LightFrame
 
 
 class CountingRays(LightRays):
@@ -24,3 +24,8 @@ class CountingRays(LightRays):
         self.texels += windows.texels
         self.windows.append(windows)
         return self.inner.light_buffer(frame, windows)
+
+    def chart_buffer(self, frame: LightFrame, charts: Charts) -> ChartBuffer:
+        self.launches += 1
+        self.texels += charts.texels
+        return self.inner.chart_buffer(frame, charts)

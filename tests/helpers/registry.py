@@ -6,7 +6,18 @@ from math import isqrt
 
 import numpy as np
 
-from asmjax.shadow import AdaptiveShadowMap, CostModel, ShadowAlgorithm, UniformShadowMap
+from asmjax.shadow import (
+    AdaptiveShadowMap,
+    CostModel,
+    LightSpaceShadowMap,
+    LogarithmicShadowMap,
+    PartitionedShadowMap,
+    PerspectiveShadowMap,
+    ShadowAlgorithm,
+    SubdividedShadowMap,
+    TrapezoidalShadowMap,
+    UniformShadowMap,
+)
 from asmjax.shadow.comparison import Compare, texel_bytes
 
 FAST = CostModel(a_seconds_per_texel=1e-8, b_seconds=1e-5, residual=0.0)
@@ -43,6 +54,35 @@ def _of_adaptive(algorithm, state, points) -> np.ndarray:
     return np.asarray(algorithm.lookup(state, points)[1])
 
 
+def _of_charts(algorithm, state, points) -> np.ndarray:
+    """By the longer side of the texel."""
+    density = np.moveaxis(np.asarray(algorithm.density(state, points), np.float64), -1, 0)
+    found = np.abs(np.linalg.det(density)) > 0
+    texel = np.linalg.inv(np.where(found[:, None, None], density, np.eye(2)))
+    return -np.log2(np.linalg.norm(texel, ord=2, axis=(1, 2)))
+
+
+TABLES = 10_000
+"""Bytes that the tables of a map of charts may take."""
+
+
+def charted(name: str, family: type, flat: dict, **settings) -> Sibling:
+    """A map of charts; `flat` are its settings that leave nothing but a flat map."""
+
+    def of_budget(texels: int, faces: int):
+        held = (texels * texel_bytes("both") - TABLES) // texel_bytes("both")
+        return family(resolution=isqrt(held // faces), compare="both", **settings)
+
+    return Sibling(
+        name,
+        of_budget=of_budget,
+        degenerate=lambda side, compare: family(
+            resolution=side, compare=compare, **(settings | flat)
+        ),
+        log2_resolution=_of_charts,
+    )
+
+
 SIBLINGS = (
     Sibling(
         "uniform",
@@ -65,9 +105,24 @@ SIBLINGS = (
         ),
         log2_resolution=_of_adaptive,
     ),
+    charted("perspective", PerspectiveShadowMap, {"slide": np.inf}),
+    charted("light-space", LightSpaceShadowMap, {"falloff": "none"}),
+    charted("trapezoidal", TrapezoidalShadowMap, {"focus": 1e9}),
+    charted("logarithmic", LogarithmicShadowMap, {"ratio": 1.0}),
+    charted("partitioned", PartitionedShadowMap, {"partitions": 1}),
+    charted("subdivided", SubdividedShadowMap, {"parts": 0}),
 )
 
 VARIANTS = (
+    charted("logarithmic-uniform", LogarithmicShadowMap, {"ratio": 1.0}, across="uniform"),
+    charted(
+        "partitioned-warped",
+        PartitionedShadowMap,
+        {"partitions": 1, "warp": "none"},
+        warp="light-space",
+        blend=0.5,
+    ),
+    charted("subdivided-1", SubdividedShadowMap, {"parts": 0}, parts=1, strength=0.5),
     # The 2001 paper as printed: areas, edges only, texels of a pixel's size; coarse levels.
     Sibling(
         "adaptive-2001",

@@ -311,8 +311,8 @@ class SlowASM:
             stages = [("edges", 1.0, most, False), ("edges", 1.0, most, True)]
         elif cover:
             stages = [("coarse coverage", 0.25, 1, False), ("edges if full", 0.5, most, False),
-                      (last, 0.5, most, True), ("coverage", 0.5, 1, False),
-                      (last, 0.5, most, True)]  # fmt: skip
+                      (last, 0.5, most, True), ("coverage", 1.0, 1, False),
+                      (last, 1.0, most, True)]  # fmt: skip
         else:
             stages = [("edges", 0.5, most, False), (last, 0.5, most, True)]
         self.camera, turn = view.camera, self.frame
@@ -326,7 +326,10 @@ class SlowASM:
                 if self._free() >= little:
                     continue
                 wish = "edges"
-            if wish == "coverage" and (self.frame == 1 or self._free() <= little):
+            if wish == "coverage" and self._free() <= little:
+                break
+            if not stages and cover and self._free() == 0:
+                self.status = Status.MEMORY_LIMIT
                 break
             if thorough:
                 self._refine_for_all(view, wish, part, passes)

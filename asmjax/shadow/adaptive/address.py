@@ -12,56 +12,15 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float, Int
 
-from asmjax.buffers import Receivers, SurfacePoints
-from asmjax.geometry import LightFrame
-from asmjax.numerics import dot
+from asmjax.buffers import Anchor, Receivers, SurfacePoints, image_rows
 
 BITS = 30
 """Fractional bits of a fixed-point image coordinate: 2^30 steps per face side."""
 
 DEEPEST_LOG2 = 24
 """log2 of the finest effective resolution: the renderer's float32 ray directions have 24 bits."""
-
-
-class Anchor(NamedTuple):
-    """The map from positions to image coordinates, u = row_u(p) / row_w(p).
-
-    Each row is a base, its value at the points' origin, and three weights. `high` + `low` is the
-    float64 number: JAX takes float32 arguments, unless told otherwise.
-
-    Attributes:
-        high, low: (3, 4, faces): rows u, v, w; base and weights of x, y, z. For parallel light the
-            row w is not used.
-    """
-
-    high: np.ndarray | Array
-    low: np.ndarray | Array
-
-
-def anchor(points: SurfacePoints, frame: LightFrame) -> Anchor:
-    """The anchor of these points in `frame`, computed in float64 on the host."""
-    concrete = isinstance(points.origin, np.ndarray) and isinstance(frame.origin, np.ndarray)
-    # Inside a transformation of the caller's it is computed there, in the precision at hand.
-    xp = np if concrete else jnp
-    offset = xp.asarray(points.origin) - xp.asarray(frame.origin)
-    rotation, corner, extent = (xp.asarray(a) for a in (frame.rotation, frame.corner, frame.extent))
-    base = rotation @ offset
-    if frame.perspective:
-        # u = (x / z - corner) / extent: the row is x - corner * z.
-        across = rotation[:, :2] - corner[:, :, None] * rotation[:, 2:]
-        start = base[:, :2] - corner * base[:, 2:]
-    else:
-        across, start = rotation[:, :2], base[:, :2] - corner
-    weights = xp.concatenate([across / extent[:, :, None], rotation[:, 2:]], axis=1)
-    base = xp.concatenate([start / extent, base[:, 2:]], axis=1)
-    exact = xp.concatenate([base[:, :, None], weights], axis=2).transpose(1, 2, 0)
-    if points.position.dtype == jnp.float64 or not concrete:
-        return Anchor(exact, xp.zeros_like(exact))
-    high = exact.astype(np.float32)
-    return Anchor(high, (exact - high).astype(np.float32))
 
 
 class Address(NamedTuple):
@@ -93,18 +52,12 @@ def address_of(points: SurfacePoints, anchor: Anchor, receivers: Receivers, pers
     dtype, facing = points.position.dtype, receivers.facing
     # In float64 whatever the caller computes in: half the time of pairs of float32, and simpler.
     with jax.enable_x64(True):
-        position = [_double(x) for x in points.position]
-        table = _double(anchor.high) + _double(anchor.low)
-
-        def row(k):
-            base, *weights = (_of_face(table[k, j], receivers.face) for j in range(4))
-            return base + dot(weights, position)
-
+        x, y, weight = image_rows(points, anchor, receivers.face, perspective)
         scale = jnp.float64(2.0**BITS)
         if perspective:
-            scale = scale / jnp.where(facing, row(2), 1)
+            scale = scale / jnp.where(facing, weight, 1)
         # Computed once: XLA's CPU backend would form it anew for everything made of it.
-        scaled = jax.lax.optimization_barrier([row(k) * scale for k in range(2)])
+        scaled = jax.lax.optimization_barrier([x * scale, y * scale])
         (x, rest_x), (y, rest_y) = (_fixed_point(along, facing) for along in scaled)
     rests = (_below_1(rest.astype(dtype)) for rest in (rest_x, rest_y))
     return Address(x, y, *rests)
@@ -112,14 +65,6 @@ def address_of(points: SurfacePoints, anchor: Anchor, receivers: Receivers, pers
 
 def _below_1(x):
     return jnp.minimum(x, 1 - jnp.finfo(x.dtype).epsneg)
-
-
-def _double(x):
-    return jax.lax.convert_element_type(x, jnp.float64)
-
-
-def _of_face(values, face):
-    return values[0] if values.shape[0] == 1 else values[face]
 
 
 def _fixed_point(scaled, facing):

@@ -9,13 +9,14 @@ from typing import ClassVar, NamedTuple
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from asmjax.buffers import EyeBuffer, LightRays, SurfacePoints, light_offset, project
+from asmjax.buffers import EyeBuffer, LightRays, SurfacePoints, anchor, light_offset, project
 from asmjax.errors import require
 from asmjax.geometry import LightFrame
-from asmjax.shadow.adaptive.address import address_of, anchor
+from asmjax.shadow.adaptive.address import address_of
 from asmjax.shadow.adaptive.attention import compile_attention
 from asmjax.shadow.adaptive.cost_model import CostModel, calibrate
 from asmjax.shadow.adaptive.look import MEASURES, compile_looks
@@ -26,7 +27,14 @@ from asmjax.shadow.adaptive.refiner import Refiner
 from asmjax.shadow.adaptive.shape import TreeShape, shape_for
 from asmjax.shadow.adaptive.state import AdaptiveState, BuildLog, HostSide
 from asmjax.shadow.adaptive.tree import Tree, empty_tree, lookup
-from asmjax.shadow.base import Cost, NodeCounts, ShadowAlgorithm, Status, array_bytes
+from asmjax.shadow.base import (
+    Cost,
+    NodeCounts,
+    ShadowAlgorithm,
+    Status,
+    array_bytes,
+    isotropic,
+)
 from asmjax.shadow.comparison import BIAS, Compare, check_test
 
 
@@ -57,8 +65,8 @@ class AdaptiveShadowMap(ShadowAlgorithm[AdaptiveState]):
             this many, others in each turn; 1, 2, 4 or 8 (the paper's).
         compare, bias: the shadow test; see `asmjax.shadow.comparison`.
         cover: also refine where no edge was seen: finds casters that fell between the first texels.
-            First, with a quarter of the memory, until texels are 4 times a pixel's size; fully only
-            in updates of a view at rest, with what the edges leave.
+            First, with a quarter of the memory, until texels are 4 times a pixel's size; in the end
+            fully, with what the edges leave.
         finest_ratio: memory still left is spent on finer texels along the edges down to this
             texel / pixel size; equal to `ratio_target` spends nothing.
         max_passes: passes of one stage of refinement, of which there are two to five.
@@ -205,6 +213,11 @@ class AdaptiveShadowMap(ShadowAlgorithm[AdaptiveState]):
         Raises `UseError` for a state that `update` has taken over.
         """
         return _lookup(*self._query(state, points), shape=state.shape)
+
+    def density(self, state: AdaptiveState, points: SurfacePoints) -> Float[Array, "2 2 n"]:
+        receivers = project(points, state.frame, light_offset(points, state.frame))
+        log2 = self.lookup(state, points)[1].astype(points.position.dtype)
+        return isotropic(jnp.where(receivers.facing, jnp.exp2(log2), 0))
 
     def _query(self, state: AdaptiveState, points: SurfacePoints) -> tuple:
         state.check_owned()

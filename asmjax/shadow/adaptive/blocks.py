@@ -27,10 +27,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, Int8
 
-from asmjax.buffers import Receivers, SurfacePoints, light_offset, project
+from asmjax.buffers import Receivers, SurfacePoints, anchor, light_offset, project
 from asmjax.buffers.points import SEEN_STEPS
 from asmjax.numerics import LEAST_DEPTH, dot
-from asmjax.shadow.adaptive.address import BITS, address_of, anchor
+from asmjax.shadow.adaptive.address import BITS, address_of
 from asmjax.shadow.adaptive.asm import AdaptiveShadowMap
 from asmjax.shadow.adaptive.bounds import Bounds
 from asmjax.shadow.adaptive.page_table import find_entries, level_of, page_of, take

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from asmjax.buffers import EyeBuffer, Receivers, SurfacePoints, light_offset, project
+from asmjax.buffers import EyeBuffer, Receivers, SurfacePoints, anchor, light_offset, project
 from asmjax.footprint import (
     log2_linear_ratio,
     log2_m,
@@ -24,7 +24,6 @@ from asmjax.shadow.adaptive.address import (
     BITS,
     Address,
     address_of,
-    anchor,
     centre_offset,
     index_at,
 )

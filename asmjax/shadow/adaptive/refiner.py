@@ -108,14 +108,12 @@ class Refiner:
         self.frame, self.rays, self.start = frame, rays, start
         self.last_look = 0.0
         self.given_up = 0
-        self.planted = False
         self.attention: Attention | None = None
         self.made = np.zeros(shape.pages, bool)
         log.frame += 1
 
     def plant(self) -> None:
         """Make the level-0 nodes: all that there is before the first look."""
-        self.planted = True
         self.tree = _stores_compiled(self.shape, self.tree)
         got = self.pool.admit(self.pool.roots(), self.log.frame, self.log.frame, False)
         self.log.made += got.pages.size
@@ -230,8 +228,8 @@ class Refiner:
         """What to look for, in order.
 
         Finer edges are found pass by pass, so each takes half of what is left: the last pages go
-        where the last look says they help most. Pixels without an edge come last, and only in a
-        view that stays at rest: that is where memory helps least.
+        where the last look says they help most. Pixels without an edge come last: there memory
+        helps least, but the next frames of a moving view find edges there.
         """
         most, cover = self.settings.max_passes, self.settings.cover
         modern = self.settings.finest_ratio < self.settings.ratio_target
@@ -247,9 +245,12 @@ class Refiner:
             yield Stage(Wish.EDGES, 0.5, most)
         last = Wish.FINER_EDGES if modern else Wish.EDGES
         yield Stage(last, 0.5, most, thorough=True)
-        if cover and not self.planted and self.pool.free_pages > little:
-            yield Stage(Wish.COVERAGE, 0.5, 1)
-            yield Stage(last, 0.5, most, thorough=True)
+        if cover and self.pool.free_pages > little:
+            yield Stage(Wish.COVERAGE, 1.0, 1)
+            if self.pool.free_pages > 0:
+                yield Stage(last, 1.0, most, thorough=True)
+            else:
+                self.log.status = Status.MEMORY_LIMIT
 
     def _look(self, wish: Wish, audience: Audience | None = None, turn: int | None = None) -> Look:
         """Look at `audience`, or else at one turn's share of the view, or at all of it."""

@@ -1,0 +1,22 @@
+"""Warped, partitioned and subdivided shadow maps: each chooses charts, the rest is shared."""
+
+from asmjax.shadow.warped.charted import ChartedShadowMap, ChartedState
+from asmjax.shadow.warped.single import (
+    LightSpaceShadowMap,
+    LogarithmicShadowMap,
+    PerspectiveShadowMap,
+    TrapezoidalShadowMap,
+)
+from asmjax.shadow.warped.subdivided import SubdividedShadowMap
+from asmjax.shadow.warped.z_partition import PartitionedShadowMap
+
+__all__ = [
+    "ChartedShadowMap",
+    "ChartedState",
+    "LightSpaceShadowMap",
+    "LogarithmicShadowMap",
+    "PartitionedShadowMap",
+    "PerspectiveShadowMap",
+    "SubdividedShadowMap",
+    "TrapezoidalShadowMap",
+]

@@ -1,0 +1,91 @@
+"""Subdivided shadow maps: a warp of its own for each face of the view frustum, and for parts of it.
+
+A shadow beam crosses the frustum from face to face, and the narrowest pixel beams that it meets are
+where it enters or leaves on the side of the near plane. Seen from the light, those faces lie side
+by side, whatever the angle between light and view, so none needs a warp against another's direction
+(Lloyd et al. 2006, section 4).
+"""
+
+from dataclasses import replace
+from typing import ClassVar
+
+import numpy as np
+
+from asmjax.buffers import EyeBuffer
+from asmjax.errors import require
+from asmjax.geometry import Chart, LightFrame
+from asmjax.shadow.comparison import BIAS, Compare
+from asmjax.shadow.warped.body import Body, bodies
+from asmjax.shadow.warped.charted import ChartedShadowMap
+from asmjax.shadow.warped.fit import errors_of, perspective, rectangle, whole_face
+from asmjax.shadow.warped.frustum import SIDES, frustum_regions
+from asmjax.shadow.warped.single import n_of_strength
+
+MOST_PARTS = 8
+
+
+class SubdividedShadowMap(ChartedShadowMap):
+    """Frustum and face subdivisions, laid out in one map in proportion to their errors.
+
+    Attributes:
+        resolution: texels a side of a square map of as many texels, per face of the light.
+        parts: subdivisions along each side face, 1 (SSM) to 8; 2 and more are SSM*. 0 is no
+            subdivision at all: the flat map.
+        strength: the warp parameter xi of all subdivisions, -1 (none) to 1 (the perspective's own).
+        compare, bias: the shadow test; see `asmjax.shadow.comparison`.
+
+    Where a corner of the frustum lies behind a lamp's plane, the faces have no image there, and the
+    face of the light gets one chart (as many cube faces have).
+    """
+
+    resolution: int = 2048
+    parts: int = 2
+    strength: float = 0.0
+    compare: Compare = "depth"
+    bias: float = BIAS
+
+    reference: ClassVar[str] = "Lloyd, Yoon, Tuft, Manocha 2005, Subdivided Shadow Maps (TR05-024)"
+    family: ClassVar[str] = "subdivided"
+
+    def __check_init__(self):
+        self._check()
+        require(
+            0 <= self.parts <= MOST_PARTS,
+            f"{self.parts} parts of a face are not possible; allowed: 0 to {MOST_PARTS}.",
+        )
+        require(
+            -1 <= self.strength <= 1,
+            f"a warp strength of {self.strength} is not possible; allowed: -1 to 1.",
+        )
+
+    @property
+    def name(self) -> str:
+        return f"{super().name}-{self.parts}"
+
+    def most_charts(self, faces: int) -> int:
+        return faces * (SIDES * self.parts + 2)
+
+    def charts(self, view: EyeBuffer, frame: LightFrame) -> list[Chart]:
+        return [chart for body in bodies(view, frame) for chart in self._of_face(view, frame, body)]
+
+    def _of_face(self, view: EyeBuffer, frame: LightFrame, body: Body) -> list[Chart]:
+        """The charts of one face of the light; the last one holds what no other does."""
+        if self.parts == 0:
+            return [whole_face(body)]
+        charts, left = [], np.ones(body.eye_depth.size, bool)
+        for region in frustum_regions(view, frame, body, self.parts):
+            inside = left & region.holds(body.plane)
+            if not inside.any():
+                continue
+            left &= ~inside
+            part = body.part(inside)
+            y = region.onto[1, :2] @ part.plane + region.onto[1, 2]
+            near, far = float(y.min()), float(y.max())
+            n = near * n_of_strength(self.strength, far / near) if near > 0 else np.inf
+            chart = perspective(frame, part, n, onto=region.onto)
+            charts.append((replace(chart, lines=region.in_image(frame, body.face)), part))
+        if left.any() or not charts:
+            rest = body.part(left) if left.any() else body
+            charts.append((rectangle(frame, rest), rest))
+        charts[-1] = (replace(charts[-1][0], lines=()), charts[-1][1])
+        return [replace(chart, error=errors_of(frame, chart, part)) for chart, part in charts]

@@ -1,0 +1,160 @@
+"""Charts on the device, and where receivers lie in them.
+
+Warps magnify what is near the eye, up to the ratio of the far and near distance, so float32 image
+coordinates do not suffice: positions are relative to the eye, rows of coefficients are pairs of
+float32, and a receiver's place is formed in float64 from them, as for the adaptive map's pages.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+
+from asmjax.buffers import Anchor, Receivers, SurfacePoints, double, image_rows
+from asmjax.geometry import Charts
+from asmjax.numerics import dot
+
+
+class Exact(NamedTuple):
+    """Float64 numbers as `high` + `low` in float32, which is what JAX takes by default."""
+
+    high: np.ndarray | Array
+    low: np.ndarray | Array
+
+    def doubles(self) -> Array:
+        """The numbers in float64; call it with float64 enabled."""
+        return double(self.high) + double(self.low)
+
+
+def exact(a: np.ndarray) -> Exact:
+    """`a` (float64) as a pair."""
+    high = np.asarray(a, np.float32)
+    return Exact(high, (a - high.astype(np.float64)).astype(np.float32))
+
+
+class ChartTable(NamedTuple):
+    """k charts as the kernels take them; see `Charts`.
+
+    Attributes:
+        to_chart, from_chart: (3, 3, k).
+        log: (k,).
+        face, columns, rows, first: (k,) int32.
+        lines: (k, 4, 3) float32.
+        depths: (k, 2) float32 eye depths.
+    """
+
+    to_chart: Exact
+    from_chart: Exact
+    log: Exact
+    face: np.ndarray | Array
+    columns: np.ndarray | Array
+    rows: np.ndarray | Array
+    first: np.ndarray | Array
+    lines: np.ndarray | Array
+    depths: np.ndarray | Array
+
+
+def table_of(charts: Charts) -> ChartTable:
+    """The charts, on the host."""
+    columns, rows = charts.size.T.astype(np.int32)
+    return ChartTable(
+        to_chart=exact(np.moveaxis(charts.to_chart, 0, -1)),
+        from_chart=exact(np.moveaxis(charts.from_chart, 0, -1)),
+        log=exact(charts.log),
+        face=charts.face.astype(np.int32),
+        columns=columns,
+        rows=rows,
+        first=charts.first.astype(np.int32),
+        lines=charts.lines.astype(np.float32),
+        depths=charts.depths.astype(np.float32),
+    )
+
+
+def chart_of(
+    table: ChartTable, receivers: Receivers, eye_depth: Float[Array, " n"]
+) -> tuple[Int[Array, " n"], Bool[Array, " n"]]:
+    """The first chart (n,) that holds each receiver, and whether there is one."""
+    u, v = receivers.uv
+    chosen, found = jnp.zeros_like(receivers.face), jnp.zeros_like(receivers.facing)
+    for k in range(table.face.shape[0]):
+        holds = (receivers.face == table.face[k]) & ~found
+        holds &= (eye_depth >= table.depths[k, 0]) & (eye_depth < table.depths[k, 1])
+        for line in range(table.lines.shape[1]):
+            a, b, c = (table.lines[k, line, i].astype(u.dtype) for i in range(3))
+            holds &= a * u + b * v + c >= 0
+        chosen = jnp.where(holds, k, chosen)
+        found |= holds
+    return chosen, found
+
+
+class Place(NamedTuple):
+    """Where receivers lie in their charts.
+
+    Attributes:
+        flat: (n,) int32 number of the texel that a receiver lies in.
+        offset: (2, n) image offset (du, dv) from the receiver to that texel's centre.
+        per_texel: (2, 2, n) image motion per texel along s and t: [k, i] is d(u, v)_k / d(s, t)_i.
+    """
+
+    flat: Int[Array, " n"]
+    offset: Float[Array, "2 n"]
+    per_texel: Float[Array, "2 2 n"]
+
+
+def place_in(
+    table: ChartTable,
+    chart: Int[Array, " n"],
+    points: SurfacePoints,
+    receivers: Receivers,
+    anchor: Anchor,
+    perspective: bool,
+) -> Place:
+    """The `Place` of each receiver in the chart that was chosen for it."""
+    dtype, facing = points.position.dtype, receivers.facing
+    with jax.enable_x64(True):
+
+        def of(values):
+            return values[..., 0] if values.shape[-1] == 1 else values[..., chart]
+
+        image = image_rows(points, anchor, receivers.face, perspective)
+        weight = jnp.where(facing, image[2], 1)
+        u, v = (jnp.where(facing, row, 0.5) / weight for row in image[:2])
+        to_chart, from_chart = of(table.to_chart.doubles()), of(table.from_chart.doubles())
+        log = of(table.log.doubles())
+        columns, rows = (double(of(n)) for n in (table.columns, table.rows))
+        across, along, scale = (row[0] * u + row[1] * v + row[2] for row in to_chart)
+        scale = jnp.where(facing, scale, 1)
+        s, t = across / scale, along / scale
+        straight = log == 0
+        bent = jnp.where(straight, 1, log)
+        rate = jnp.log1p(bent)
+        inside = jnp.maximum(bent * t, -1 + 1e-12)
+        t = jnp.where(straight, t, jnp.log1p(inside) / jnp.where(straight, 1, rate))
+        column = jnp.clip(jnp.floor(s * columns), 0, columns - 1)
+        row = jnp.clip(jnp.floor(t * rows), 0, rows - 1)
+        # The way back from the texel's centre, and how fast it moves there.
+        s, t = (column + 0.5) / columns, (row + 0.5) / rows
+        grown = jnp.exp(t * rate)
+        pace = jnp.where(straight, 1, grown * rate / bent)
+        t = jnp.where(straight, t, (grown - 1) / bent)
+        scale = dot(from_chart[2], (s, t, 1))
+        centre = [dot(from_chart[k], (s, t, 1)) / scale for k in range(2)]
+        steps = (1 / columns, pace / rows)
+        per_texel = [
+            [(from_chart[k, i] - centre[k] * from_chart[2, i]) / scale * steps[i] for i in range(2)]
+            for k in range(2)
+        ]
+        offset = [centre[0] - u, centre[1] - v]
+        index = row * columns + column
+        index = jax.lax.convert_element_type(index, jnp.int32)
+        offset, per_texel = (
+            jax.tree.map(lambda a: jax.lax.convert_element_type(a, dtype), part)
+            for part in (offset, per_texel)
+        )
+    return Place(
+        jnp.asarray(of(table.first)) + index,
+        jnp.stack(offset),
+        jnp.stack([jnp.stack(part) for part in per_texel]),
+    )

@@ -1,0 +1,114 @@
+"""Maps partitioned along the view: cascades with practical, logarithmic or visible-depth splits."""
+
+from dataclasses import replace
+from typing import ClassVar
+
+import numpy as np
+
+from asmjax.buffers import EyeBuffer
+from asmjax.errors import require
+from asmjax.geometry import Chart, LightFrame
+from asmjax.shadow.comparison import BIAS, Compare
+from asmjax.shadow.warped.body import Body, bodies
+from asmjax.shadow.warped.charted import ChartedShadowMap
+from asmjax.shadow.warped.fit import perspective, rectangle, whole_face
+from asmjax.shadow.warped.single import half_view, light_space_n
+
+MOST_PARTITIONS = 16
+
+
+def split_depths(near: float, far: float, count: int, blend: float) -> np.ndarray:
+    """(count + 1,) eye depths: blend of logarithmic (1) and even (0) splits.
+
+    C_i = blend near (far / near)^(i / count) + (1 - blend) (near + (far - near) i / count)
+    (Zhang et al. 2006, practical split).
+    """
+    part = np.arange(count + 1) / count
+    return blend * near * (far / near) ** part + (1 - blend) * (near + (far - near) * part)
+
+
+class PartitionedShadowMap(ChartedShadowMap):
+    """One chart for each slab of eye depths; all together hold as many texels as one map.
+
+    Attributes:
+        resolution: texels a side of a square map of as many texels, per face of the light.
+        partitions: number of slabs, 1 to 16.
+        blend: of logarithmic (1) and even (0) splits; 0.5 is the practical split scheme.
+        near, far: eye depths that the splits are made for, scene units; None for the range that is
+            seen, as sample distribution maps (SDSM) do. Beyond them the end slabs go on.
+        warp: "none", or "light-space": a perspective in each slab.
+        compare, bias: the shadow test; see `asmjax.shadow.comparison`.
+    """
+
+    resolution: int = 2048
+    partitions: int = 4
+    blend: float = 1.0
+    near: float | None = None
+    far: float | None = None
+    warp: str = "none"
+    compare: Compare = "depth"
+    bias: float = BIAS
+
+    reference: ClassVar[str] = (
+        "Zhang, Sun, Xu, Lun 2006, Parallel-Split Shadow Maps; Lauritzen, Salvi, Lefohn 2011, "
+        "Sample Distribution Shadow Maps"
+    )
+    family: ClassVar[str] = "partitioned"
+
+    def __check_init__(self):
+        self._check()
+        require(
+            1 <= self.partitions <= MOST_PARTITIONS,
+            f"{self.partitions} partitions are not possible; allowed: 1 to {MOST_PARTITIONS}.",
+        )
+        require(
+            0 <= self.blend <= 1,
+            f"a blend of {self.blend} is not possible; allowed: 0 (even) to 1 (logarithmic).",
+        )
+        require(
+            self.near is None or self.near > 0,
+            f"splits from {self.near} on have no logarithm; allowed: above 0, or none.",
+        )
+        require(
+            self.far is None or self.far > (self.near or 0),
+            f"splits from {self.near} to {self.far} are empty; allowed: far beyond near, or none.",
+        )
+        require(
+            self.warp in ("none", "light-space"),
+            f"warp='{self.warp}' is not known; allowed: none, light-space.",
+        )
+
+    @property
+    def name(self) -> str:
+        return f"{super().name}-{self.partitions}{'-warped' if self.warp != 'none' else ''}"
+
+    def most_charts(self, faces: int) -> int:
+        return self.partitions * faces
+
+    def charts(self, view: EyeBuffer, frame: LightFrame) -> list[Chart]:
+        found = bodies(view, frame)
+        near, far = depth_range(found, self.near, self.far)
+        splits = split_depths(near, far, self.partitions, self.blend)
+        # The end slabs have no outer end: nothing that is seen may be left out.
+        splits[0], splits[-1] = -np.inf, np.inf
+        half, charts = half_view(view), []
+        for body in found:
+            for least, most in zip(splits[:-1], splits[1:], strict=True):
+                which = (body.eye_depth >= least) & (body.eye_depth < most)
+                if which.any():
+                    chart = self._chart(frame, body.part(which), bool(which.all()), half)
+                    charts.append(replace(chart, depths=(float(least), float(most))))
+        return charts
+
+    def _chart(self, frame: LightFrame, part: Body, whole: bool, half_view: float) -> Chart:
+        if self.warp != "none":
+            return perspective(frame, part, light_space_n(part, half_view, "shaped"))
+        return whole_face(part) if whole else rectangle(frame, part)
+
+
+def depth_range(found: list[Body], near: float | None, far: float | None) -> tuple[float, float]:
+    """Eye depths (near, far): those given, else those seen."""
+    depths = np.concatenate([body.eye_depth for body in found])
+    near = float(depths.min()) if near is None else near
+    far = float(depths.max()) if far is None else far
+    return near, max(far, near * (1 + 1e-9))
