@@ -23,15 +23,32 @@ if TYPE_CHECKING:
     from asmjax.options import RunOptions
     from asmjax.render.load import Scene, load_scene
     from asmjax.scene import list_scenes
-    from asmjax.shadow import AdaptiveShadowMap, ShadowAlgorithm, Status, UniformShadowMap
+    from asmjax.shadow import (
+        AdaptiveShadowMap,
+        LightSpaceShadowMap,
+        LogarithmicShadowMap,
+        PartitionedShadowMap,
+        PerspectiveShadowMap,
+        ShadowAlgorithm,
+        Status,
+        SubdividedShadowMap,
+        TrapezoidalShadowMap,
+        UniformShadowMap,
+    )
     from asmjax.walkthrough_job import Walk, measure_walkthrough, run_walkthrough
 
 _HOME = {
     "AdaptiveShadowMap": "asmjax.shadow",
+    "LightSpaceShadowMap": "asmjax.shadow",
+    "LogarithmicShadowMap": "asmjax.shadow",
+    "PartitionedShadowMap": "asmjax.shadow",
+    "PerspectiveShadowMap": "asmjax.shadow",
     "RunOptions": "asmjax.options",
     "Scene": "asmjax.render.load",
     "ShadowAlgorithm": "asmjax.shadow",
     "Status": "asmjax.shadow",
+    "SubdividedShadowMap": "asmjax.shadow",
+    "TrapezoidalShadowMap": "asmjax.shadow",
     "UniformShadowMap": "asmjax.shadow",
     "UseError": "asmjax.errors",
     "Walk": "asmjax.walkthrough_job",
@@ -45,10 +62,16 @@ _HOME = {
 
 __all__ = [
     "AdaptiveShadowMap",
+    "LightSpaceShadowMap",
+    "LogarithmicShadowMap",
+    "PartitionedShadowMap",
+    "PerspectiveShadowMap",
     "RunOptions",
     "Scene",
     "ShadowAlgorithm",
     "Status",
+    "SubdividedShadowMap",
+    "TrapezoidalShadowMap",
     "UniformShadowMap",
     "UseError",
     "Walk",

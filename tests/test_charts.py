@@ -174,8 +174,9 @@ def test_the_first_chart_that_holds_a_receiver_counts():
     holds = np.stack([u >= 0.6, depth >= middle, (v <= 0.4) & (u <= 0.5)])
     facing = np.asarray(receivers.facing)
     border = np.min(np.abs([u - 0.6, v - 0.4, u - 0.5, (depth - middle) / middle]), axis=0) < 1e-5
-    judged = facing & ~border
-    np.testing.assert_array_equal(found[judged], holds.any(axis=0)[judged])
+    judged = np.asarray(facing & ~border)
+    held = np.asarray(holds.any(axis=0))
+    np.testing.assert_array_equal(found[judged], held[judged])
     np.testing.assert_array_equal(chart[judged & found], holds.argmax(axis=0)[judged & found])
     assert 0 < found[facing].mean() < 1
 

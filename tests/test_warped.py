@@ -26,12 +26,7 @@ from asmjax.shadow import (
 )
 from asmjax.shadow.warped.body import bodies
 from asmjax.shadow.warped.frustum import frustum_regions
-from asmjax.shadow.warped.single import (
-    far_distance,
-    n_of_strength,
-    near_distance,
-    shaped_strength,
-)
+from asmjax.shadow.warped.strength import n_of_strength, shaped_strength
 from asmjax.shadow.warped.z_partition import split_depths
 
 FAMILIES = [
@@ -73,7 +68,7 @@ def test_theory_of_warps_along_the_view():
     much at both ends, and the logarithmic one the same everywhere."""
     case = along_a_plane()
     body = bodies(case.eye, case.frame)[0]
-    assert far_distance(body) / near_distance(body) > 5
+    assert body.far / body.near > 5
     found = {
         algorithm.family: beams(case, algorithm, algorithm.build(case.eye, case.frame, case.rays))
         for algorithm in (
@@ -92,7 +87,7 @@ def test_theory_of_warps_along_the_view():
     _, along = found["logarithmic"]
     assert np.nanmax(along) / np.nanmin(along) < 1.35
     _, along = found["perspective"]
-    alpha = far_distance(body) / near_distance(body)
+    alpha = body.far / body.near
     assert np.nanmean(along[far]) / np.nanmean(along[near]) == pytest.approx(alpha, rel=0.25)
 
 
@@ -216,7 +211,7 @@ def test_wrong_settings(family, settings, message):
 
 
 def test_names_say_the_family_and_its_main_setting():
-    assert PartitionedShadowMap(512, 3, warp="light-space").name == "partitioned-512-3-warped"
+    assert PartitionedShadowMap(512, partitions=3, warp="light-space").name == "partitioned-512-3-warped"
     assert SubdividedShadowMap(1024, parts=4).name == "subdivided-1024-4"
     assert TrapezoidalShadowMap(64, compare="both").name == "trapezoidal-64-both"
 
@@ -224,6 +219,6 @@ def test_names_say_the_family_and_its_main_setting():
 def test_sample_distribution_ignores_what_is_given_beyond():
     """Splits for a given range and for the visible one are other charts."""
     case = along_a_plane(48)
-    seen = PartitionedShadowMap(64, 4).charts(case.eye, case.frame)
-    given = PartitionedShadowMap(64, 4, near=0.01, far=1e4).charts(case.eye, case.frame)
+    seen = PartitionedShadowMap(64, partitions=4).charts(case.eye, case.frame)
+    given = PartitionedShadowMap(64, partitions=4, near=0.01, far=1e4).charts(case.eye, case.frame)
     assert len(seen) == 4 and len(given) < 4

@@ -38,12 +38,15 @@ class Sibling:
         degenerate: (side, compare) to settings that must give the uniform map of `side` texels.
         log2_resolution: (algorithm, state, points) to log2 of the texels per face side that
             answered each point.
+        charts: whether it is a map of charts: these share everything but the choice of charts, and
+            one light each is enough.
     """
 
     name: str
     of_budget: Callable[[int, int], ShadowAlgorithm]
     degenerate: Callable[[int, Compare], ShadowAlgorithm]
     log2_resolution: Callable[..., np.ndarray]
+    charts: bool = False
 
 
 def _of_uniform(algorithm, state, points) -> np.ndarray:
@@ -80,6 +83,7 @@ def charted(name: str, family: type, flat: dict, **settings) -> Sibling:
             resolution=side, compare=compare, **(settings | flat)
         ),
         log2_resolution=_of_charts,
+        charts=True,
     )
 
 

@@ -326,7 +326,7 @@ class SlowASM:
                 if self._free() >= little:
                     continue
                 wish = "edges"
-            if wish == "coverage" and self._free() <= little:
+            if wish == "coverage" and (self.frame == 1 or self._free() <= little):
                 break
             if not stages and cover and self._free() == 0:
                 self.status = Status.MEMORY_LIMIT
@@ -378,9 +378,12 @@ class SlowASM:
 
     def _follow(self, view: EyeBuffer) -> None:
         self.camera = view.camera
+        much = self._free() > self.shape.pages // LEAST_SHARE
         for turn in range(self.frame, self.frame + FOLLOW_PASSES):
             share = self.settings.pixel_share
             wish = "follow" if self.settings.cover else "edges"
+            if self.settings.cover and much:
+                wish = "coverage"
             wanted, _ = self._look(self._pixels(view, share, turn), share, wish)
             waiting = {request.square: request for request in [*wanted, *self.waiting]}
             if len(waiting) < self.shape.pages // WORTH_SHARE and self.waited < LONGEST_WAIT:
@@ -390,7 +393,10 @@ class SlowASM:
             self.waiting, self.waited = [], 0
             if not waiting:
                 break
-            made = self._make(sorted(waiting.values(), key=self._order), replace=True)
+            chosen = sorted(waiting.values(), key=self._order)
+            if wish == "coverage":
+                chosen = chosen[: self._free()]
+            made = self._make(chosen, replace=wish != "coverage")
             if made <= self.shape.pages // BUSY_SHARE or self.status.is_limit:
                 break
         if not self.status.is_limit:

@@ -65,8 +65,8 @@ class AdaptiveShadowMap(ShadowAlgorithm[AdaptiveState]):
             this many, others in each turn; 1, 2, 4 or 8 (the paper's).
         compare, bias: the shadow test; see `asmjax.shadow.comparison`.
         cover: also refine where no edge was seen: finds casters that fell between the first texels.
-            First, with a quarter of the memory, until texels are 4 times a pixel's size; in the end
-            fully, with what the edges leave.
+            First, with a quarter of the memory, until texels are 4 times a pixel's size; in later
+            updates fully, with what the edges leave.
         finest_ratio: memory still left is spent on finer texels along the edges down to this
             texel / pixel size; equal to `ratio_target` spends nothing.
         max_passes: passes of one stage of refinement, of which there are two to five.

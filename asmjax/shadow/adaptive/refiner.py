@@ -108,12 +108,14 @@ class Refiner:
         self.frame, self.rays, self.start = frame, rays, start
         self.last_look = 0.0
         self.given_up = 0
+        self.planted = False
         self.attention: Attention | None = None
         self.made = np.zeros(shape.pages, bool)
         log.frame += 1
 
     def plant(self) -> None:
         """Make the level-0 nodes: all that there is before the first look."""
+        self.planted = True
         self.tree = _stores_compiled(self.shape, self.tree)
         got = self.pool.admit(self.pool.roots(), self.log.frame, self.log.frame, False)
         self.log.made += got.pages.size
@@ -209,15 +211,24 @@ class Refiner:
             self.log.status = Status.PASS_LIMIT
 
     def follow(self) -> None:
-        """Refine for a moving view: one turn's share of its pixels, matched and no finer."""
+        """Refine for a moving view: one turn's share of its pixels, matched and no finer.
+
+        As long as much memory is free, pixels without an edge are matched too.
+        """
         wish = Wish.FOLLOW if self.settings.cover else Wish.EDGES
+        much = self.pool.free_pages > self.shape.pages // LEAST_SHARE
+        if self.settings.cover and much:
+            wish = Wish.COVERAGE
         least = self.shape.pages // WORTH_SHARE
         for turn in range(FOLLOW_PASSES):
             look = self._look(wish, turn=self.log.frame + turn)
             wanted = self.pool.gather(look.wanted, least, LONGEST_WAIT)
             if wanted.count == 0:
                 break
-            made = self._make(most_profitable_first(wanted, self.cost_model), replace=True)
+            wanted = most_profitable_first(wanted, self.cost_model)
+            if wish is Wish.COVERAGE:
+                wanted = wanted.take(slice(self.pool.free_pages))
+            made = self._make(wanted, replace=wish is not Wish.COVERAGE)
             if made <= self.shape.pages // BUSY_SHARE or self.log.status.is_limit:
                 break
         if not self.log.status.is_limit:
@@ -228,8 +239,8 @@ class Refiner:
         """What to look for, in order.
 
         Finer edges are found pass by pass, so each takes half of what is left: the last pages go
-        where the last look says they help most. Pixels without an edge come last: there memory
-        helps least, but the next frames of a moving view find edges there.
+        where the last look says they help most. Pixels without an edge come last, in updates: there
+        memory helps least, but the next frames of a moving view find edges there.
         """
         most, cover = self.settings.max_passes, self.settings.cover
         modern = self.settings.finest_ratio < self.settings.ratio_target
@@ -245,7 +256,7 @@ class Refiner:
             yield Stage(Wish.EDGES, 0.5, most)
         last = Wish.FINER_EDGES if modern else Wish.EDGES
         yield Stage(last, 0.5, most, thorough=True)
-        if cover and self.pool.free_pages > little:
+        if cover and not self.planted and self.pool.free_pages > little:
             yield Stage(Wish.COVERAGE, 1.0, 1)
             if self.pool.free_pages > 0:
                 yield Stage(last, 1.0, most, thorough=True)

@@ -5,7 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from asmjax.buffers import EyeBuffer
-from asmjax.geometry import LightFrame, in_domain
+from asmjax.geometry import LightFrame
+from asmjax.numerics import dot
 
 STILL = 0.02
 """Sine of the angle between light and view below which there is no axis to warp along (the light
@@ -41,6 +42,17 @@ class Body:
         return np.array([[y, -x, 0.0], [x, y, 0.0], [0.0, 0.0, 1.0]])
 
     @property
+    def near(self) -> float:
+        """Distance (plane units) along the axis at which the eye lies before the near end; infinite
+        where the light comes along the view."""
+        return float(self.eye_depth.min()) / self.pace if self.pace > 0 else np.inf
+
+    @property
+    def far(self) -> float:
+        """The same to the far end."""
+        return self.near + float(np.ptp(self.turned[1]))
+
+    @property
     def turned(self) -> np.ndarray:
         """(2, m) the receivers' plane coordinates across and along the axis."""
         return self.turn[:2, :2] @ self.plane
@@ -60,27 +72,29 @@ def bodies(view: EyeBuffer, frame: LightFrame) -> list[Body]:
 
     A receiver that several faces hold belongs to the first, as everywhere.
     """
-    camera = view.camera
-    world = view.world[:, view.valid]
-    normal = view.normal[:, view.valid]
-    taken = ~in_domain(frame, world)
+    camera, valid = view.camera, view.valid
+    world, normal = view.world, view.normal
+    if not valid.all():
+        world, normal = world[:, valid], normal[:, valid]
     relative = world - frame.origin[:, None]
-    towards = -relative if frame.perspective else -frame.rotation[0, 2][:, None]
-    taken |= np.einsum("in,in->n", normal, np.broadcast_to(towards, normal.shape)) <= 0
-    eye_depth = camera.rotation[2] @ (world - camera.origin[:, None])
+    towards = -relative if frame.perspective else -frame.rotation[0, 2]
+    free = dot(normal, towards) > 0
+    if frame.cos_cutoff > -1:
+        free &= dot(frame.cone_axis, relative) > frame.cos_cutoff * np.sqrt(dot(relative, relative))
     found = []
     for face in range(frame.faces):
         x, y, depth = frame.rotation[face] @ relative
-        scale = np.where(depth > frame.near, depth, 1.0) if frame.perspective else 1.0
-        plane = np.stack([x, y]) / scale
-        inside = np.all(plane >= frame.corner[face][:, None], axis=0)
-        inside &= np.all(plane < (frame.corner[face] + frame.extent[face])[:, None], axis=0)
-        mine = ~taken & (depth > frame.near) & inside
-        taken |= mine
+        if frame.perspective:
+            scale = 1 / np.where(depth > frame.near, depth, 1.0)
+            x, y = x * scale, y * scale
+        (left, top), (width, height) = frame.corner[face], frame.extent[face]
+        mine = free & (depth > frame.near) & (x >= left) & (x < left + width)
+        mine &= (y >= top) & (y < top + height)
+        free &= ~mine
         if mine.any():
-            found.append(
-                _body(frame, face, plane[:, mine], depth[mine], eye_depth[mine], camera.rotation[2])
-            )
+            plane = np.stack([x, y])[:, mine]
+            eye_depth = camera.rotation[2] @ world[:, mine] - camera.rotation[2] @ camera.origin
+            found.append(_body(frame, face, plane, depth[mine], eye_depth, camera.rotation[2]))
     return found
 
 

@@ -19,7 +19,7 @@ from asmjax.shadow.warped.body import Body, bodies
 from asmjax.shadow.warped.charted import ChartedShadowMap
 from asmjax.shadow.warped.fit import errors_of, perspective, rectangle, whole_face
 from asmjax.shadow.warped.frustum import SIDES, frustum_regions
-from asmjax.shadow.warped.single import n_of_strength
+from asmjax.shadow.warped.strength import n_of_strength
 
 MOST_PARTS = 8
 

@@ -12,7 +12,7 @@ from asmjax.shadow.comparison import BIAS, Compare
 from asmjax.shadow.warped.body import Body, bodies
 from asmjax.shadow.warped.charted import ChartedShadowMap
 from asmjax.shadow.warped.fit import perspective, rectangle, whole_face
-from asmjax.shadow.warped.single import half_view, light_space_n
+from asmjax.shadow.warped.strength import half_view, light_space_n
 
 MOST_PARTITIONS = 16
 
