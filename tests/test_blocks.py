@@ -72,7 +72,9 @@ def counts(algorithm, state, *eyes: EyeBuffer) -> dict[int, int]:
 
 
 def built(case: Case, algorithm: AdaptiveShadowMap):
-    return algorithm.build(case.eye, case.frame, case.rays)
+    """Built, and at rest once more: only then are pages made where there is no edge."""
+    state = algorithm.build(case.eye, case.frame, case.rays)
+    return algorithm.update(state, case.eye, case.frame, case.rays)
 
 
 def seen_from(case: Case, view: ViewSpec, offset=(0.0, 0.0)) -> EyeBuffer:

@@ -16,6 +16,7 @@ LAYERS = [
     {"buffers"},
     {"scene"},
     {"footprint"},
+    {"theory"},
     {"shadow"},
     {"metrics"},
     {"experiment"},

@@ -85,14 +85,14 @@ def test_twelve_million_take_seconds():
 )  # fmt: skip
 def test_sizes_that_are_read(text, triangles):
     """Thousands and millions, upper or lower case, with or without a fraction."""
-    assert surface.parse_triangles(text) == triangles
+    assert surface.SIZES.parse(text) == triangles
 
 
 @pytest.mark.parametrize("text", ["", "m", "-5k", "1e6", "12x", "nan", "1,000", "10 k", "1" * 40])
 def test_sizes_that_are_not(text):
     """One line with the allowed form; it does not repeat a long text."""
     with pytest.raises(UseError, match="write for example surface:10k") as problem:
-        surface.parse_triangles(text)
+        surface.SIZES.parse(text)
     assert len(str(problem.value)) < 250
 
 

@@ -241,7 +241,7 @@ def test_one_trace_per_shape(sibling, name):
     assert traces == []
     with counted_traces() as traces:
         # A size of its own: siblings share what they compile.
-        algorithm.visibility(state, analytic_case(name, 7 + SIBLINGS.index(sibling)).eye.points)
+        algorithm.visibility(state, analytic_case(name, 13 + SIBLINGS.index(sibling)).eye.points)
     assert traces, "the counter counts nothing"
 
 

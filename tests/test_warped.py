@@ -211,7 +211,8 @@ def test_wrong_settings(family, settings, message):
 
 
 def test_names_say_the_family_and_its_main_setting():
-    assert PartitionedShadowMap(512, partitions=3, warp="light-space").name == "partitioned-512-3-warped"
+    warped = PartitionedShadowMap(512, partitions=3, warp="light-space")
+    assert warped.name == "partitioned-512-3-warped"
     assert SubdividedShadowMap(1024, parts=4).name == "subdivided-1024-4"
     assert TrapezoidalShadowMap(64, compare="both").name == "trapezoidal-64-both"
 

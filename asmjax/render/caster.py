@@ -9,9 +9,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from asmjax.buffers import LightBuffer, LightRays, TexelWindows
-from asmjax.geometry import LightFrame
+from asmjax.buffers import ChartBuffer, LightBuffer, LightRays, TexelWindows
+from asmjax.geometry import Charts, LightFrame
+from asmjax.render.chart_rays import cast_charts, chart_buffer_of
 from asmjax.render.geometry import SceneGeometry
+from asmjax.render.instanced_hits import InstancedHits, shape_number
+from asmjax.render.instances import Instancing
 from asmjax.render.threads import all_threads
 
 LANES = 1 << 24
@@ -55,9 +58,17 @@ class MitsubaRays(LightRays):
         scene: the Mitsuba scene of casters.
         shape_ids: dense shape id of each of the scene's shapes, in `geometry`'s order.
         geometry: gives the global primitive ids.
+        instancing: which of the shapes in `geometry`'s order are instances; None if none is.
     """
 
-    def __init__(self, mi, scene, shape_ids: list[int], geometry: SceneGeometry):
+    def __init__(
+        self,
+        mi,
+        scene,
+        shape_ids: list[int],
+        geometry: SceneGeometry,
+        instancing: Instancing | None = None,
+    ):
         self.mi = mi
         self.scene = scene
         self.geometry = geometry
@@ -68,14 +79,14 @@ class MitsubaRays(LightRays):
             import drjit as dr
 
             self._dr = dr
-            registry = [
-                int(np.array(dr.reinterpret_array(mi.UInt32, mi.ShapePtr(s)))[0]) for s in shapes
-            ]
-            offsets = np.zeros(max(registry, default=0) + 1, np.int32)
+            numbers = [shape_number(mi, s) for s in shapes]
+            offsets = np.zeros(max(numbers, default=0) + 1, np.int32)
             dense = np.full(offsets.size, -1, np.int32)
-            for raw, shape_id in zip(registry, shape_ids, strict=True):
-                offsets[raw], dense[raw] = first[shape_id], shape_id
+            offsets[numbers], dense[numbers] = first[shape_ids], shape_ids
             self._offsets, self._dense = mi.Int32(offsets), mi.Int32(dense)
+            self._instanced = (
+                InstancedHits(mi, instancing, geometry, numbers, shape_ids) if instancing else None
+            )
         else:
             self._ids = {
                 _key(s): (int(first[i]), i) for s, i in zip(shapes, shape_ids, strict=True)
@@ -100,8 +111,11 @@ class MitsubaRays(LightRays):
     def _identify(self, hit):
         mi, dr = self.mi, self._dr
         valid = hit.is_valid()
-        raw = dr.reinterpret_array(mi.UInt32, hit.shape)
-        first = dr.gather(mi.Int32, self._offsets, raw, valid)
+        if self._instanced is None:
+            raw, inner = dr.reinterpret_array(mi.UInt32, hit.shape), 0
+        else:
+            raw, inner = self._instanced.number(hit), self._instanced.first_prim(hit)
+        first = dr.gather(mi.Int32, self._offsets, raw, valid) + inner
         prim = dr.select(valid, first + mi.Int32(hit.prim_index), -1)
         shape = dr.select(valid, dr.gather(mi.Int32, self._dense, raw, valid), -1)
         return dr.select(valid, hit.t, dr.inf), prim, shape
@@ -114,10 +128,19 @@ class MitsubaRays(LightRays):
         rays = zip(_f32(origins).T.tolist(), _f32(directions).T.tolist(), strict=True)
         for k, (o, d) in enumerate(rays):
             hit = intersect(ray3(point(*o), vector(*d)))
-            if hit.shape is not None:
-                first, shape[k] = self._ids[_key(hit.shape)]
-                t[k], prim[k] = hit.t, first + hit.prim_index
+            if hit.is_valid():
+                t[k] = hit.t
+                prim[k], shape[k] = self._identify_one(hit)
         return t, prim, shape
+
+    def _identify_one(self, hit) -> tuple[int, int]:
+        """Global primitive id and dense shape id of a scalar variant's hit."""
+        if hit.instance is None:
+            first, shape = self._ids[_key(hit.shape)]
+            return first + hit.prim_index, shape
+        first, shape = self._ids[_key(hit.instance)]
+        part = self.geometry.first_part[shape] + hit.shape_index
+        return first + int(self.geometry.part_prim[part]) + hit.prim_index, shape
 
     def closest(self, origins, directions, t_min=0.0):
         t, prim, _ = self.hits(origins + t_min * directions, directions)
@@ -157,10 +180,13 @@ class MitsubaRays(LightRays):
             ray = mi.Ray3f(mi.Point3f(_f32(origins)), mi.Vector3f(_f32(directions)))
             found = self.scene.ray_intersect_preliminary(ray, coherent=True)
             valid = found.is_valid()
-            # Textures need uv; two-sided materials need a shading frame to know their side.
-            hit = found.compute_surface_interaction(ray, mi.RayFlags.All)
-            albedo = hit.bsdf().eval_diffuse_reflectance(hit, valid)
-            albedo, normal = (dr.select(valid, v, 0.0) for v in (albedo, mi.Vector3f(hit.n)))
+            if self._instanced is None:
+                albedo, normal = self._look(found, ray)
+            else:
+                with all_threads(), self._instanced.few_calls():
+                    albedo, normal = self._look(*self._instanced.in_part(found, ray))
+                normal = self._instanced.to_world(found, normal)
+            albedo, normal = (dr.select(valid, v, 0.0) for v in (albedo, normal))
             t, prim, shape = self._identify(found)
             with all_threads():
                 dr.eval(t, prim, shape, albedo, normal)
@@ -178,13 +204,22 @@ class MitsubaRays(LightRays):
         ray3, point, vector = mi.Ray3f, mi.Point3f, mi.Vector3f
         rays = zip(_f32(origins).T.tolist(), _f32(directions).T.tolist(), strict=True)
         for k, (o, d) in enumerate(rays):
-            hit = self.scene.ray_intersect(ray3(point(*o), vector(*d)))
-            if hit.is_valid():
-                first, result.shape[k] = self._ids[_key(hit.shape)]
-                result.t[k], result.prim[k] = hit.t, first + hit.prim_index
+            ray = ray3(point(*o), vector(*d))
+            found = self.scene.ray_intersect_preliminary(ray)
+            if found.is_valid():
+                hit = found.compute_surface_interaction(ray)
+                result.t[k] = found.t
+                result.prim[k], result.shape[k] = self._identify_one(found)
                 result.albedo[:, k] = hit.bsdf().eval_diffuse_reflectance(hit)
                 result.normal[:, k] = hit.n
         return result
+
+    def _look(self, found, ray):
+        """Diffuse reflectance and geometric normal of hits on shapes of their own."""
+        # Textures need uv; two-sided materials need a shading frame to know their side.
+        hit = found.compute_surface_interaction(ray, self.mi.RayFlags.All)
+        albedo = hit.bsdf().eval_diffuse_reflectance(hit, found.is_valid())
+        return albedo, self.mi.Vector3f(hit.n)
 
     def light_buffer(self, frame: LightFrame, windows: TexelWindows) -> LightBuffer:
         """All windows in one launch; rays are formed on the device from nine numbers a window."""
@@ -197,6 +232,15 @@ class MitsubaRays(LightRays):
         depth, prim = parts[0] if len(parts) == 1 else map(np.concatenate, zip(*parts, strict=True))
         shape = (windows.count, windows.side, windows.side)
         return LightBuffer(depth.reshape(shape), prim.reshape(shape))
+
+    def chart_buffer(self, frame: LightFrame, charts: Charts) -> ChartBuffer:
+        """All charts in one launch each, which run side by side."""
+        if not self.vectorised:
+            return super().chart_buffer(frame, charts)
+        found = cast_charts(self.mi, self._intersect, frame, charts)
+        with all_threads():
+            self._dr.eval(*found)
+            return chart_buffer_of([(t.numpy(), prim.numpy()) for t, prim in found])
 
     def _launch(
         self, frame: LightFrame, windows: TexelWindows, start: int, count: int

@@ -5,7 +5,7 @@ import numpy as np
 from asmjax.buffers import EyeBuffer, eye_buffer
 from asmjax.geometry import Camera
 from asmjax.render.caster import FirstSurfaces, MitsubaRays
-from asmjax.render.geometry import NOT_A_MESH, SceneGeometry, meet_planes
+from asmjax.render.geometry import SceneGeometry, meet_planes
 
 _BLOCK = 1 << 14
 """Pixels whose float64 temporaries fit the processor's cache."""
@@ -48,7 +48,7 @@ def cast_eye(
         prim=seen.prim,
         shape=seen.shape,
         albedo=seen.albedo,
-        flat=geometry.flat[seen.prim],
+        flat=geometry.flat[geometry.stored(seen.prim, seen.shape)],
     )
 
 
@@ -61,12 +61,16 @@ def _exact(
     """
     t = camera.near + seen.t.astype(np.float64)
     hit = (seen.prim >= 0) & (t <= camera.far)
-    mesh = hit & (geometry.faces[0][seen.prim] != NOT_A_MESH)
+    mesh = hit & geometry.on_mesh(seen.prim, seen.shape)
     normal = np.zeros_like(directions)
     # Most blocks see nothing else; a slice spares the copies of an index.
     on_mesh = slice(None) if mesh.all() else np.flatnonzero(mesh)
     exact, normal[:, on_mesh] = meet_planes(
-        geometry, seen.prim[on_mesh], camera.origin, directions[:, on_mesh]
+        geometry,
+        seen.prim[on_mesh],
+        camera.origin,
+        directions[:, on_mesh],
+        seen.shape[on_mesh],
     )
     sane = np.isfinite(exact) & (exact > 0)
     t[on_mesh] = np.where(sane, exact, t[on_mesh])

@@ -15,6 +15,7 @@ from asmjax.render.caster import MitsubaRays
 from asmjax.render.emitters import SceneLight, read_emitters
 from asmjax.render.eye import cast_eye
 from asmjax.render.geometry import SceneGeometry, read_geometry
+from asmjax.render.instances import Instancing, find_instances, known_instances
 from asmjax.render.sensors import plugin_names, read_sensors
 from asmjax.render.truth import ShadowRays
 from asmjax.render.variant import activate
@@ -60,6 +61,7 @@ class Scene:
     _mi: Any
     _scene: Any
     _rays: MitsubaRays
+    _instancing: Instancing
 
     def __repr__(self) -> str:
         return (
@@ -98,10 +100,10 @@ class Scene:
             return self._rays
         shapes = self._scene.shapes()
         casters = {f"shape{i}": s for i, s in enumerate(shapes) if i != lamp}
-        scene = self._mi.load_dict({"type": "scene", **casters}, optimize=False)
-        return MitsubaRays(
-            self._mi, scene, [i for i in range(len(shapes)) if i != lamp], self.geometry
-        )
+        groups = {f"group{k}": group for k, group in enumerate(self._instancing.groups)}
+        scene = self._mi.load_dict({"type": "scene", **groups, **casters}, optimize=False)
+        others = [i for i in range(len(shapes)) if i != lamp]
+        return MitsubaRays(self._mi, scene, others, self.geometry, self._instancing)
 
     def light_frame(self, eye: EyeBuffer, light: str | int | None = None) -> LightFrame:
         """The light frame that serves the eye's receivers."""
@@ -178,31 +180,41 @@ def _load(loader, source, what: str):
 def _from_mitsuba(mi, name: str, scene) -> Scene:
     if not hasattr(scene, "shapes") or not scene.shapes():
         raise UseError(f"scene '{name}' has no shapes; asmjax needs surfaces to cast shadows on.")
-    instances = sum(shape.class_name() == "Instance" for shape in scene.shapes())
-    if instances:
-        raise UseError(
-            f"scene '{name}' has {instances} instances of a shape group, which asmjax cannot tell "
-            "apart; write them out as shapes of their own."
-        )
+    instancing = find_instances(mi, scene, name)
     notices: list[str] = []
     views = read_sensors(mi, scene.sensors(), notices)
     lights = read_emitters(mi, scene, notices)
     names = plugin_names(scene.shapes(), "shape")
-    return _scene(mi, name, scene, views, lights, notices, names)
+    return _scene(mi, name, scene, instancing, views, lights, notices, names)
 
 
 def _from_spec(mi, spec: SceneSpec) -> Scene:
     parts = {f"shape{i}": _mitsuba_shape(mi, shape) for i, shape in enumerate(spec.shapes)}
-    scene = mi.load_dict({"type": "scene", **parts}, optimize=False)
-    lights = {name: SceneLight(light) for name, light in spec.lights.items()}
     names = [shape.name for shape in spec.shapes]
-    return _scene(mi, spec.name, scene, dict(spec.views), lights, [], names, spec.path)
+    groups, group = [], [-1] * len(names)
+    for k, instances in enumerate(spec.instances):
+        meshes = {f"mesh{i}": _mitsuba_shape(mi, mesh) for i, mesh in enumerate(instances.meshes)}
+        groups.append(mi.load_dict({"type": "shapegroup", **meshes}))
+        parts[f"group{k}"] = groups[-1]
+        for i, matrix in enumerate(instances.transforms):
+            to_world = mi.ScalarTransform4f(np.vstack([matrix, [0.0, 0.0, 0.0, 1.0]]))
+            parts[f"instance{k}_{i}"] = {
+                "type": "instance", "shapegroup": groups[-1], "to_world": to_world
+            }  # fmt: skip
+            names.append(f"{instances.name}_{i}")
+            group.append(k)
+    scene = mi.load_dict({"type": "scene", **parts}, optimize=False)
+    instancing = known_instances(mi, groups, group)
+    lights = {name: SceneLight(light) for name, light in spec.lights.items()}
+    return _scene(
+        mi, spec.name, scene, instancing, dict(spec.views), lights, [], names, spec.path
+    )  # fmt: skip
 
 
-def _scene(mi, name, scene, views, lights, notices, shape_names, path=()) -> Scene:
+def _scene(mi, name, scene, instancing, views, lights, notices, shape_names, path=()) -> Scene:
     for notice in notices:
         _log.warning("%s", notice)
-    geometry = read_geometry(scene.shapes(), scene.bbox())
+    geometry = read_geometry(mi, scene.shapes(), scene.bbox(), instancing)
     if not np.isfinite(geometry.bounds).all():
         raise UseError(f"scene '{name}' has no finite bounding box; mend its vertices.")
     return Scene(
@@ -216,7 +228,8 @@ def _scene(mi, name, scene, views, lights, notices, shape_names, path=()) -> Sce
         path=tuple(path),
         _mi=mi,
         _scene=scene,
-        _rays=MitsubaRays(mi, scene, list(range(len(scene.shapes()))), geometry),
+        _rays=MitsubaRays(mi, scene, list(range(len(scene.shapes()))), geometry, instancing),
+        _instancing=instancing,
     )
 
 

@@ -4,9 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from asmjax.errors import UseError, unknown_name
+from asmjax.errors import UseError, require, unknown_name
 from asmjax.render.caster import MitsubaRays
 from asmjax.render.geometry import SceneGeometry
+from asmjax.render.instances import is_instance
 from asmjax.render.load import Scene
 
 LARGEST_OBJECT = 0.5
@@ -30,7 +31,7 @@ class MovingShapes:
         diagonal: of the object's box, scene units.
 
     Raises:
-        UseError: no such shape, or none that could move.
+        UseError: no such shape, none that could move, or an instance of a shape group.
     """
 
     def __init__(self, scene: Scene, wanted: str | None = None):
@@ -39,6 +40,12 @@ class MovingShapes:
         self.name = ", ".join(scene.shape_names[k] for k in self.shapes)
         shapes = scene._scene.shapes()
         self._movable = [shapes[k] for k in self.shapes]
+        for k in self.shapes:
+            require(
+                not is_instance(shapes[k]),
+                f"'{scene.shape_names[k]}' is an instance of a shape group, and those cannot be "
+                "moved; choose another --object, or write it out as a shape of its own.",
+            )
         self._rest = [_place(scene._mi, shape) for shape in self._movable]
         self._offset = np.zeros(3)
         boxes = np.stack([_box(shape) for shape in self._movable])
@@ -64,7 +71,8 @@ class MovingShapes:
         boxes = np.stack([*before, *(_box(shape) for shape in self._movable)])
         shapes = renderer.shapes()
         geometry = _with_vertices(self._scene.geometry, shapes, self.shapes, renderer)
-        rays = MitsubaRays(mi, renderer, list(range(len(shapes))), geometry)
+        instancing = self._scene._instancing
+        rays = MitsubaRays(mi, renderer, list(range(len(shapes))), geometry, instancing)
         self._scene = replace(self._scene, geometry=geometry, _rays=rays)
         return self._scene, boxes
 
@@ -76,7 +84,9 @@ def _chosen(scene: Scene, wanted: str | None) -> list[int]:
         low, high = scene.geometry.bounds.T
         most = LARGEST_OBJECT * np.linalg.norm(high - low)
         sizes = [np.linalg.norm(np.diff(_box(shape), axis=1)) for shape in shapes]
-        objects = [k for k, size in enumerate(sizes) if 0 < size <= most]
+        objects = [
+            k for k, size in enumerate(sizes) if 0 < size <= most and not is_instance(shapes[k])
+        ]
         if not objects:
             raise UseError(
                 f"scene '{scene.name}' has no shape of its own that could move: every one is "

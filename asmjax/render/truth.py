@@ -5,7 +5,7 @@ import numpy as np
 from asmjax.buffers import EyeBuffer
 from asmjax.geometry import LightFrame, in_domain, towards_light
 from asmjax.render.caster import MitsubaRays
-from asmjax.render.geometry import NOT_A_MESH, SceneGeometry
+from asmjax.render.geometry import SceneGeometry
 
 OFFSET_ULPS = 8.0
 """Shadow rays start this many float32 roundings of the largest coordinate off the surface.
@@ -34,7 +34,7 @@ class ShadowRays:
         self.pixels = np.flatnonzero(self.facing)
         self.count = int(self.pixels.size)
         chosen = world[:, self.pixels]
-        gap = offset_along_normal(geometry, eye.prim[self.pixels], chosen)
+        gap = offset_along_normal(geometry, eye.prim[self.pixels], chosen, eye.shape[self.pixels])
         origins = (chosen + gap * eye.normal[:, self.pixels]).astype(np.float32)
         if frame.perspective:
             directions = frame.origin[:, None] - origins.astype(np.float64)
@@ -51,14 +51,17 @@ class ShadowRays:
 
 
 def offset_along_normal(
-    geometry: SceneGeometry, prim: np.ndarray, position: np.ndarray
+    geometry: SceneGeometry,
+    prim: np.ndarray,
+    position: np.ndarray,
+    shape: np.ndarray | None = None,
 ) -> np.ndarray:
     """How far (n,) off the surface a float32 ray must start not to hit the surface it left.
 
     Rounding acts on the largest coordinate in play: of the point, or of its triangle's corners.
     """
     largest = np.abs(position).max(axis=0, initial=0.0)
-    on_mesh = geometry.faces[0][prim] != NOT_A_MESH
-    for corner in geometry.corners(prim[on_mesh]):
+    on_mesh = geometry.on_mesh(prim, shape)
+    for corner in geometry.corners(prim[on_mesh], None if shape is None else shape[on_mesh]):
         largest[on_mesh] = np.maximum(largest[on_mesh], np.abs(corner).max(axis=0, initial=0.0))
     return OFFSET_ULPS * np.finfo(np.float32).eps * largest

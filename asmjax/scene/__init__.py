@@ -3,6 +3,7 @@
 from asmjax.scene.builtin import BUILTIN, SceneItem, list_scenes, load_builtin
 from asmjax.scene.spec import (
     Disk,
+    Instances,
     LightSpec,
     Mesh,
     Rectangle,
@@ -14,6 +15,7 @@ from asmjax.scene.spec import (
 __all__ = [
     "BUILTIN",
     "Disk",
+    "Instances",
     "LightSpec",
     "Mesh",
     "Rectangle",

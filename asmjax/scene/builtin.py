@@ -3,6 +3,7 @@
 import importlib
 from collections.abc import Callable
 from dataclasses import dataclass
+from types import ModuleType
 
 from asmjax.errors import UseError, unknown_name
 from asmjax.scene.analytic_scenes import ANALYTIC_SCENES
@@ -24,11 +25,13 @@ _LARGE = {
     "paper_room": "asmjax.scene.paper_room:make_paper_room",
     "terrain": "asmjax.scene.terrain:make_terrain",
     "surface": "asmjax.scene.surface:make_surface",
+    "plant": "asmjax.scene.plant:make_plant",
+    "statues": "asmjax.scene.statues:make_statues",
     "letter_f": "asmjax.scene.letter_f:make_letter_f",
 }
 
-SIZED = "surface"
-"""The scene that can be had at any size: its name, a colon, and a number of triangles."""
+SIZED = ("surface", "plant", "statues")
+"""The scenes that can be had at any size: their name, a colon, and a number of triangles."""
 
 # Written out, so that listing the scenes builds none of the large ones; a test compares the two.
 _ITEMS = (
@@ -54,6 +57,20 @@ _ITEMS = (
         249_992,
     ),
     SceneItem(
+        "plant",
+        "pipes, girders, gratings and tanks around an alley; any number of triangles: plant:12m",
+        ("overview", "alley", "close"),
+        ("sun", "lamp"),
+        199_994,
+    ),
+    SceneItem(
+        "statues",
+        "statues on a terrace, one figure placed many times; any number of triangles: statues:82m",
+        ("overview", "aisle", "close"),
+        ("sun", "lamp"),
+        1_001_610,
+    ),
+    SceneItem(
         "letter_f",
         "an asymmetric caster above a plane: shows every flip, transpose and shift",
         ("angle", "above"),
@@ -63,14 +80,15 @@ _ITEMS = (
 )
 
 
-def _large(place: str) -> Callable[[], SceneSpec]:
-    """A factory that imports its module only when it is called."""
+def _maker(name: str) -> tuple[ModuleType, Callable[..., SceneSpec]]:
+    """The module of a large scene and its function; imported only when the scene is wanted."""
+    place, function = _LARGE[name].split(":")
+    module = importlib.import_module(place)
+    return module, getattr(module, function)
 
-    def build() -> SceneSpec:
-        module, function = place.split(":")
-        return getattr(importlib.import_module(module), function)()
 
-    return build
+def _large(name: str) -> Callable[[], SceneSpec]:
+    return lambda: _maker(name)[1]()
 
 
 def _analytic(name: str) -> Callable[[], SceneSpec]:
@@ -78,7 +96,7 @@ def _analytic(name: str) -> Callable[[], SceneSpec]:
 
 
 BUILTIN: dict[str, Callable[[], SceneSpec]] = {
-    **{name: _large(place) for name, place in _LARGE.items()},
+    **{name: _large(name) for name in _LARGE},
     **{name: _analytic(name) for name in ANALYTIC_SCENES},
 }
 """Factories of all built-in scenes by name."""
@@ -91,7 +109,7 @@ def is_builtin(name: str) -> bool:
 
 
 def load_builtin(name: str) -> SceneSpec:
-    """Build the scene called `name`; a number of triangles after a colon sizes the one of any size.
+    """Build the scene called `name`; a number of triangles after a colon sizes those of any size.
 
     Raises:
         UseError: no such scene (the nearest name is suggested), a size that is no number of
@@ -102,14 +120,14 @@ def load_builtin(name: str) -> SceneSpec:
         raise unknown_name("built-in scene", name, BUILTIN)
     if not colon:
         return BUILTIN[name]()
-    if base != SIZED:
+    if base not in SIZED:
         raise UseError(
-            f"the scene '{base}' has one size, so '{name[:80]}' is none; allowed: {SIZED} with a "
-            f"number of triangles, such as {SIZED}:10k; leave ':{size[:40]}' out."
+            f"the scene '{base}' has one size, so '{name[:80]}' is none; allowed: "
+            f"{', '.join(SIZED)} with a number of triangles, such as {SIZED[0]}:10k; leave "
+            f"':{size[:40]}' out."
         )
-    from asmjax.scene.surface import make_surface, parse_triangles
-
-    return make_surface(parse_triangles(size), name)
+    module, make = _maker(base)
+    return make(module.SIZES.parse(size), name)
 
 
 def list_scenes() -> list[SceneItem]:

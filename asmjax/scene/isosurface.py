@@ -103,7 +103,7 @@ def surface_net(
     quads = np.concatenate([_axis_quads(inside, cell_of, axis) for axis in range(3)], axis=1)
     vertices = vertices * spacing + np.asarray(low)[:, None]
     for _ in range(2):
-        vertices = _pull_to_surface(blobs, _relaxed(vertices, quads), 0.01 * spacing)
+        vertices = pull_to_surface(blobs, _relaxed(vertices, quads), 0.01 * spacing)
     # The shorter diagonal keeps triangles fat where the surface bends.
     across = [vertices[:, quads[i]] - vertices[:, quads[i + 2]] for i in (0, 1)]
     other = np.sum(across[1] ** 2, axis=0) < np.sum(across[0] ** 2, axis=0)
@@ -164,7 +164,7 @@ def _relaxed(vertices: np.ndarray, quads: np.ndarray) -> np.ndarray:
     return 0.5 * (vertices + mean)
 
 
-def _pull_to_surface(blobs: Sequence[Blob], points: np.ndarray, step: float) -> np.ndarray:
+def pull_to_surface(blobs: Sequence[Blob], points: np.ndarray, step: float) -> np.ndarray:
     """One Newton step along the field's gradient (forward differences over `step`)."""
     shifts = np.concatenate([np.zeros((3, 1)), step * np.eye(3)], axis=1)
     probes = (points[:, None, :] + shifts[:, :, None]).reshape(3, -1)

@@ -5,10 +5,11 @@ corners run counter-clockwise when seen from outside (right-hand rule gives the 
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from asmjax.scene.spec import Mesh, Vector
+from asmjax.scene.spec import Mesh, SceneSpec, Vector
 
 
 def make_mesh(
@@ -135,3 +136,14 @@ def _split_round(mesh: Mesh, most: int) -> Mesh:
         np.concatenate([faces[:, kept], halves], axis=1),
         mesh.reflectance,
     )
+
+
+def written_out(spec: SceneSpec) -> SceneSpec:
+    """The same scene with every instance as meshes of its own; primitive ids stay the same."""
+    meshes = [
+        replace(transform(mesh, placed[:, :3], tuple(placed[:, 3])), name=f"{mesh.name}_{k}")
+        for instances in spec.instances
+        for k, placed in enumerate(instances.transforms)
+        for mesh in instances.meshes
+    ]
+    return replace(spec, shapes=(*spec.shapes, *meshes), instances=())

@@ -67,6 +67,43 @@ class Sphere:
 Shape = Mesh | Rectangle | Disk | Sphere
 
 
+@dataclass(frozen=True, eq=False)
+class Instances:
+    """Meshes whose triangles are kept once and placed `transforms.shape[0]` times.
+
+    `transforms` (k, 3, 4) float64 take the meshes' own coordinates to the world's; the first three
+    columns must be invertible and may mirror.
+    """
+
+    name: str
+    meshes: tuple[Mesh, ...]
+    transforms: np.ndarray
+
+    def __post_init__(self):
+        shape = np.shape(self.transforms)
+        require(
+            len(shape) == 3 and shape[0] > 0 and shape[1:] == (3, 4) and len(self.meshes) > 0,
+            f"instances '{self.name}' have {len(self.meshes)} meshes and transforms of shape "
+            f"{shape}; allowed: one mesh or more, and (k, 3, 4) with k of 1 or more.",
+        )
+        finite = np.all(np.isfinite(self.transforms), axis=(1, 2), keepdims=True)
+        regular = np.linalg.det(np.where(finite, self.transforms, 0.0)[:, :, :3]) != 0.0
+        require(
+            bool(regular.all()),
+            f"transform {int(np.argmin(regular))} of instances '{self.name}' is not finite or has "
+            "no inverse; give another.",
+        )
+
+    @property
+    def count(self) -> int:
+        return self.transforms.shape[0]
+
+    @property
+    def triangles(self) -> int:
+        """Of all that are placed."""
+        return self.count * sum(mesh.faces.shape[1] for mesh in self.meshes)
+
+
 @dataclass(frozen=True)
 class ViewSpec:
     """A pinhole eye at `origin`; the image spans `fov_x_deg` horizontally.
@@ -171,7 +208,8 @@ class LightSpec:
 class SceneSpec:
     """A scene: shapes, named views and named lights; the first of each is the default.
 
-    `path` are the key views of a walkthrough; see `asmjax.scene.path`.
+    `path` are the key views of a walkthrough; see `asmjax.scene.path`. `instances` come after the
+    shapes in the order of the scene; each one placed is a shape of its own there.
     """
 
     name: str
@@ -180,10 +218,13 @@ class SceneSpec:
     views: dict[str, ViewSpec] = field(default_factory=dict)
     lights: dict[str, LightSpec] = field(default_factory=dict)
     path: tuple[ViewSpec, ...] = ()
+    instances: tuple[Instances, ...] = ()
 
     @property
     def triangles(self) -> int:
-        return sum(s.faces.shape[1] for s in self.shapes if isinstance(s, Mesh))
+        """Of all meshes, those of instances counted for each time they are placed."""
+        alone = sum(s.faces.shape[1] for s in self.shapes if isinstance(s, Mesh))
+        return alone + sum(instances.triangles for instances in self.instances)
 
 
 def pick(kind: str, items: dict, wanted: str | int | None, scene: str):

@@ -6,17 +6,16 @@ shape, so more triangles follow it more closely and change nothing else. Metres,
 """
 
 import math
-import re
 
 import numpy as np
 
-from asmjax.errors import UseError, require
 from asmjax.scene.mesh_tools import make_mesh, merge
 from asmjax.scene.shapes import grid, quads_to_triangles
+from asmjax.scene.sizes import SizeRange
 from asmjax.scene.spec import LightSpec, Mesh, SceneSpec, Vector, ViewSpec
 
 DEFAULT_TRIANGLES = 250_000
-FEWEST, MOST = 4_000, 100_000_000
+SIZES = SizeRange("surface", 4_000, 100_000_000)
 """Triangles that may be asked for: with fewer a ring is no ring, with more a float32 is too short
 to tell neighbouring vertices apart."""
 
@@ -54,13 +53,9 @@ def make_surface(triangles: int = DEFAULT_TRIANGLES, name: str = "surface") -> S
     """The scene with that many triangles, to within 2 %; 12 million take seconds.
 
     Raises:
-        UseError: a number of triangles outside `FEWEST` to `MOST`.
+        UseError: a number of triangles outside `SIZES`.
     """
-    require(
-        FEWEST <= triangles <= MOST,
-        f"a surface of {triangles} triangles is not possible; allowed is {FEWEST} to {MOST}: "
-        "choose another size, such as surface:10k or surface:12m.",
-    )
+    SIZES.check(triangles)
     rings = [_ring(k, _RING_SHARE * triangles / _RINGS) for k in range(_RINGS)]
     left = triangles - sum(ring.faces.shape[1] for ring in rings)
     colours = range(len(_RING_COLOURS))
@@ -75,17 +70,6 @@ def make_surface(triangles: int = DEFAULT_TRIANGLES, name: str = "surface") -> S
         {view.name: view for view in _views()},
         {light.name: light},
     )
-
-
-def parse_triangles(text: str) -> int:
-    """Triangles from "250000", "10k", "2.5m" or "12M"; `UseError` for anything else."""
-    number = re.fullmatch(r"(\d{1,12}|\d{1,9}\.\d{1,9})([km]?)", text.strip().lower())
-    if number is None:
-        raise UseError(
-            f"'{text[:40]}' is no number of triangles; allowed: {FEWEST} to {MOST}, with k for "
-            "thousands and m for millions; write for example surface:10k or surface:12m."
-        )
-    return round(float(number[1]) * {"": 1, "k": 1_000, "m": 1_000_000}[number[2]])
 
 
 def height(x, y) -> np.ndarray:

@@ -86,11 +86,6 @@ BAD_FILES = {
                               '<integer name="width" value="16385"/></film></sensor>'),
         "16385.*allowed is 1 to 16384",
     ),
-    "instances": (
-        scene_xml(EYE, LAMP, '<shape type="shapegroup" id="g"><shape type="sphere"/></shape>'
-                             '<shape type="instance"><ref id="g"/></shape>'),
-        "1 instances of a shape group.*write them out",
-    ),
 }  # fmt: skip
 
 
