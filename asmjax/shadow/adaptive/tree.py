@@ -115,7 +115,7 @@ def store_pages(depth, prim, pages, new_depth, new_prim):
 
 @partial(jax.jit, donate_argnums=(0, 1))
 def store_run(depth, prim, first, count, new_depth, new_prim):
-    """`store_pages` for `count` pages in a row from `first` on: half the time of any others.
+    """`store_pages` for `count` pages in a row from `first` on, in two thirds of the time.
 
     What is beyond `count` is padding, and stays as it was; it must not reach beyond the last page.
     """
