@@ -181,7 +181,7 @@ def test_the_first_chart_that_holds_a_receiver_counts():
     assert 0 < found[facing].mean() < 1
 
 
-def test_places_have_gradients_of_the_light_without_nan():
+def test_places_have_gradients_of_positions_without_nan():
     """Where receivers face no light, too."""
     case = analytic_case("a6_sphere_sun", 12)
 

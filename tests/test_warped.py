@@ -28,6 +28,7 @@ from asmjax.shadow.warped.body import bodies
 from asmjax.shadow.warped.frustum import frustum_regions
 from asmjax.shadow.warped.strength import n_of_strength, shaped_strength
 from asmjax.shadow.warped.z_partition import split_depths
+from asmjax.theory import practical_splits, u_from_xi
 
 FAMILIES = [
     PerspectiveShadowMap,
@@ -146,6 +147,17 @@ def test_strengths_and_splits():
     np.testing.assert_allclose(split_depths(1, 16, 4, 1.0), [1, 2, 4, 8, 16])
     np.testing.assert_allclose(split_depths(1, 16, 3, 0.0), [1, 6, 11, 16])
     np.testing.assert_allclose(split_depths(1, 16, 2, 0.5), [1, 6.25, 16])
+
+
+@pytest.mark.parametrize("alpha", [1.5, 50.0, 1e4])
+def test_strengths_and_splits_are_the_theory_s(alpha, x64):
+    """The host's numbers against the differentiable ones."""
+    for xi in (-0.9, -0.3, 0.0, 0.4, 1.0):
+        expected = 1 / float(u_from_xi(xi, alpha))
+        assert n_of_strength(xi, alpha) == pytest.approx(expected, rel=1e-12)
+    for blend in (0.0, 0.5, 1.0):
+        theirs = np.asarray(practical_splits(1.0, alpha, 5, blend), np.float64)
+        np.testing.assert_allclose(split_depths(1.0, alpha, 5, blend), theirs, rtol=1e-12)
 
 
 def test_a_camera_in_the_light_has_no_axis():
