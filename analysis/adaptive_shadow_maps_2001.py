@@ -57,13 +57,14 @@ class Sizes:
     memory_pixels: int = 256
     growth_triangles: int = 250_000
     growth_frames: int = 10
+    growth_repeats: int = 7
 
 
 QUICK = Sizes(
     pixels=64, memory_mb=1.0, frames=6, repeats=1, large_frames=3, many_samples=2,
     views=("closeup",), house="letter_f", large="surface:10k",
     pixel_sides=(64,), triangles=(5_000, 20_000), memories_mb=(1.0,), memory_pixels=64,
-    growth_triangles=10_000, growth_frames=3,
+    growth_triangles=10_000, growth_frames=3, growth_repeats=1,
 )  # fmt: skip
 
 
@@ -199,7 +200,9 @@ def growth(analysis: Analysis, axis: str) -> None:
             f"surface:{triangles}", view="rings", frames=sizes.growth_frames, **varied
         )
         size = {"pixels": value**2, "triangles": value, "memory": int(value * MB)}[axis]
-        points.append(growth_point(size, walk.frames(), walk.setting.adaptive, sizes.repeats))
+        points.append(
+            growth_point(size, walk.frames(), walk.setting.adaptive, sizes.growth_repeats)
+        )
         limit = {} if axis == "memory" else {"memory_bytes": walk.setting.adaptive.memory_bytes}
         analysis.record["growth"][axis] = Growth(axis, tuple(points)).record() | limit
         analysis.kept.write()

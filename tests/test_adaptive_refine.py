@@ -540,7 +540,7 @@ def test_padding_of_stores_is_small_beside_the_map(node):
     """The largest number of pages that is stored in one call takes no more than a quarter of 16 MB,
     or is one page; smaller ones come before it."""
     shape = AdaptiveShadowMap(node_resolution=node).tree_shape(1)
-    buckets = refiner.buckets_of(shape)
+    buckets = refiner.buckets_of(shape.side, shape.pages)
     assert list(buckets) == sorted(set(buckets)) and buckets[-1] <= shape.pages
     assert buckets[-1] == 1 or buckets[-1] * shape.side**2 * 8 <= 2**22
 

@@ -19,7 +19,7 @@ from asmjax.scene.analytic_scenes import ANALYTIC_SCENES
 from asmjax.scene.lights import light_frame
 from asmjax.scene.spec import LightSpec, ViewSpec
 from asmjax.shadow import AdaptiveShadowMap, CostModel, Status, UniformShadowMap, resolution_for
-from asmjax.shadow.adaptive import asm, refiner
+from asmjax.shadow.adaptive import asm, refiner, tree
 from asmjax.shadow.comparison import check_test
 
 SIDE = 64
@@ -297,3 +297,22 @@ def test_without_a_time_limit_slow_rays_change_nothing(clock):
     assert len(windows[0]) == len(windows[1]) > 2
     for one, other in zip(*windows, strict=True):
         np.testing.assert_array_equal(one.corner, other.corner)
+
+
+def test_memory_for_texels_grows_as_pages_are_made(monkeypatch):
+    """The same pages and the same image as with all memory from the start."""
+    case = analytic_case("a4_disc_light", SIDE)
+    settings = AdaptiveShadowMap(memory_bytes=2**20, cost_model=FAST)
+    whole = settings.build(case.eye, case.frame, case.rays)
+    monkeypatch.setattr(tree, "FIRST_BYTES", 2**16)
+    shape = settings.tree_shape(case.frame.faces)
+    first = tree.empty_tree(shape, "both").capacity
+    grown = settings.build(case.eye, case.frame, case.rays)
+    assert first < grown.tree.capacity and first * tree.GROWTH < shape.pages
+    assert grown.pool.used_pages <= grown.tree.capacity <= whole.tree.capacity == shape.pages
+    np.testing.assert_array_equal(grown.pool.squares, whole.pool.squares)
+    for old, new in zip(whole.tree[1:], grown.tree[1:], strict=True):
+        held = grown.pool.held()
+        np.testing.assert_array_equal(np.asarray(old)[held], np.asarray(new)[held])
+    lit = settings.visibility(grown, case.eye.points)
+    np.testing.assert_array_equal(lit, settings.visibility(whole, case.eye.points))

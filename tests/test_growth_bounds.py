@@ -64,6 +64,19 @@ def test_growth_tells_converged_points_apart():
     assert again == growth
 
 
+def test_a_map_that_more_memory_would_change_has_not_converged():
+    """It ended at no limit, yet larger limits hold more nodes; other axes change nodes anyway."""
+    points = tuple(
+        GrowthPoint(size, dict.fromkeys(SERIES, seconds), True, nodes, 100)
+        for size, seconds, nodes in ((1, 1.0, 500), (2, 3.0, 930), (4, 3.0, 1000))
+    )
+    growth = Growth("memory", points)
+    assert growth.converged() == points[1:]
+    assert growth.slope("cold", converged_only=True) == pytest.approx(0, abs=1e-12)
+    assert growth.record()["converged"] == [2, 4]
+    assert Growth("pixels", points).converged() == points
+
+
 def test_bounds_know_pass_fail_and_nothing_measured():
     """Equal to the limit passes; what was not measured is neither, and reaches no aim."""
     assert Bound("a", "", 0.35, 0.35, 0.2).verdict == "pass"

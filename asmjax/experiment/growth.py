@@ -15,6 +15,9 @@ SERIES = ("cold", "warm", "query", "uniform", "rays")
 """What is timed at each size: the adaptive map from nothing, its next frame, that frame's query,
 the flat map drawn anew and queried, and one shadow ray per pixel."""
 
+SAME_NODES = 0.9
+"""Two maps that hold as many nodes as this part of each other's have converged to the same."""
+
 
 @dataclass(frozen=True)
 class GrowthPoint:
@@ -48,13 +51,18 @@ class Growth:
     axis: str
     points: tuple[GrowthPoint, ...]
 
+    def converged(self) -> tuple[GrowthPoint, ...]:
+        """The points whose map has all that it would have with more memory: it ended at no limit
+        and, where memory is what grows, holds as many nodes as any, within a tenth."""
+        points = [point for point in self.points if point.converged]
+        most = max((point.nodes for point in points), default=0)
+        alike = self.axis != "memory"
+        return tuple(point for point in points if alike or point.nodes >= SAME_NODES * most)
+
     def times(self, series: str, converged_only: bool = False) -> tuple[np.ndarray, np.ndarray]:
         """Sizes and seconds (k,) of the points where that series was timed."""
-        kept = [
-            point
-            for point in self.points
-            if series in point.seconds and (point.converged or not converged_only)
-        ]
+        points = self.converged() if converged_only else self.points
+        kept = [point for point in points if series in point.seconds]
         return (
             np.array([point.size for point in kept], np.float64),
             np.array([point.seconds[series] for point in kept], np.float64),
@@ -77,6 +85,7 @@ class Growth:
         """Points and exponents as plain values; `slopes_converged` are of converged maps alone."""
         return {
             "points": [asdict(point) for point in self.points],
+            "converged": [point.size for point in self.converged()],
             "slopes": {name: self.slope(name) for name in SERIES},
             "slopes_converged": {name: self.slope(name, converged_only=True) for name in SERIES},
         }

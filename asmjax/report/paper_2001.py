@@ -121,7 +121,7 @@ def _growth_bounds(record: Mapping) -> Iterator[Bound]:
             0.0,
             reason="" if flat is None else f"the uniform map's exponent is {flat:.2f}",
         )
-    held = [p["size"] / MB for p in growth.get("memory", {}).get("points", ()) if p["converged"]]
+    held = [size / MB for size in growth.get("memory", {}).get("converged", ())]
     reached = ", ".join(f"{size:g}" for size in held) + " MB" if held else "no limit"
     for series, words in (("warm", "warm frame"), ("cold", "cold start")):
         yield Bound(

@@ -61,8 +61,8 @@ def draw_growth(growths: Sequence[Growth], title: str = "") -> Figure:
         if i == 0:
             axes.set_ylabel("time, milliseconds")
     _legend(board, {name for growth in growths for name in growth.series})
-    limited = any(not point.converged for growth in growths for point in growth.points)
-    end = "Squares: the memory limit ended refinement." if limited else ""
+    limited = any(len(growth.converged()) < len(growth.points) for growth in growths)
+    end = "Squares: with more memory there would be more nodes." if limited else ""
     board.caption(". ".join(part for part in (title, end) if part))
     return board.figure
 
@@ -90,7 +90,8 @@ def _draw(axes: Axes, growth: Growth) -> None:
         slope = growth.slope(name, converged_only=held and growth.axis == "memory")
         text = "" if slope is None else f"{slope:+.2f}".replace("-", "−")
         ends.append((1e3 * seconds[-1], text, kind))
-        short = [p for p in growth.points if held and not p.converged and name in p.seconds]
+        converged = growth.converged()
+        short = [p for p in growth.points if held and p not in converged and name in p.seconds]
         axes.plot(
             [p.size for p in short],
             [1e3 * p.seconds[name] for p in short],

@@ -21,7 +21,10 @@ LEVEL_BITS = 5
 """Low bits of an entry: the level of the page that it names. The page is in the bits above."""
 
 CHANGES = 8192
-"""Changed entries that are written one by one; more of them mean a new copy of all."""
+"""Changed entries that are written one by one; more of them mean a new copy of all in use."""
+
+BLOCK = 1 << 16
+"""Entries that are copied to the device in one call."""
 
 _SIDE = 1 << LOG2_TABLE
 _ENTRIES = 1 << (2 * LOG2_TABLE)
@@ -67,10 +70,17 @@ def _write(entries, at, values):
     return entries.at[at].set(values)
 
 
+@partial(jax.jit, donate_argnums=0)
+def _write_block(entries, first, values):
+    return jax.lax.dynamic_update_slice(entries, values, (first,))
+
+
 def warm_tables(shape: TreeShape) -> None:
-    """Have the writing of few changes compiled."""
+    """Have the writing of few changes and of many compiled."""
     nowhere = np.zeros(CHANGES, np.int32)
-    _write(jnp.zeros(shape.entries, jnp.int32), nowhere, nowhere)
+    entries = _write(jnp.zeros(shape.entries, jnp.int32), nowhere, nowhere)
+    if shape.entries > BLOCK:
+        _write_block(entries, np.int32(0), np.zeros(BLOCK, np.int32))
 
 
 class PageTable:
@@ -100,17 +110,28 @@ class PageTable:
     def on_device(self, device: Int[Array, " entries"]) -> Int[Array, " entries"]:
         """The device's copy brought up to date: written in place where little has changed.
 
-        `device` is what this returned before, or zeros; it is taken over.
+        `device` is what this returned before, or zeros; it is taken over. Tables beyond those in
+        use are not copied: nothing names them.
         """
         changed, self._changed = self._changed, []
         count = 0 if changed is None else sum(at.size for at in changed)
         if changed is None or count > CHANGES:
-            return jnp.array(self.entries)
+            return self._copied_over(device)
         if count == 0:
             return device
         at = np.zeros(CHANGES, np.int32)
         at[:count] = np.concatenate(changed)
         return _write(device, at, self.entries[at])
+
+    def _copied_over(self, device: Int[Array, " entries"]) -> Int[Array, " entries"]:
+        last = self.shape.entries - BLOCK
+        if last <= 0:
+            return jnp.array(self.entries)
+        for start in range(0, self.shape.top_entries + self.used * _ENTRIES, BLOCK):
+            first = min(start, last)
+            device = _write_block(device, np.int32(first), self.entries[first : first + BLOCK])
+        # What is handed over may be read in place, and changes with the next pass.
+        return jax.block_until_ready(device)
 
     def cover(self, pages: np.ndarray, squares: np.ndarray) -> np.ndarray:
         """Let `pages` (k,) serve their squares (4, k) where nothing deeper does.

@@ -23,7 +23,7 @@ from asmjax.shadow.adaptive.refine import (
 )
 from asmjax.shadow.adaptive.shape import TreeShape, page_windows
 from asmjax.shadow.adaptive.state import BuildLog
-from asmjax.shadow.adaptive.tree import Tree, store_pages, store_run
+from asmjax.shadow.adaptive.tree import Tree, store_pages, store_run, with_room
 from asmjax.shadow.base import Status
 
 BUCKETS = (16, 128, 1024)
@@ -116,7 +116,6 @@ class Refiner:
     def plant(self) -> None:
         """Make the level-0 nodes: all that there is before the first look."""
         self.planted = True
-        self.tree = _stores_compiled(self.shape, self.tree)
         got = self.pool.admit(self.pool.roots(), self.log.frame, self.log.frame, False)
         self.log.made += got.pages.size
         self.made[got.pages] = True
@@ -332,7 +331,9 @@ class Refiner:
         pages = pages[np.argsort(self.pool.key[pages])]
         windows = page_windows(self.shape, self.pool.squares[:, pages])
         depth, prim = self.rays.light_buffer(self.frame, windows)
-        most = buckets_of(self.shape)[-1]
+        room = with_room(self.shape, self.tree, int(pages.max()) + 1)
+        self.tree = _stores_compiled(self.shape, room)
+        most = buckets_of(self.shape.side, self.tree.capacity)[-1]
         for start in range(0, pages.size, most):
             some = slice(start, start + most)
             self.tree = _store(self.shape, self.tree, pages[some], depth[some], prim[some])
@@ -355,26 +356,27 @@ class Refiner:
         self.log.reused = int((used & ~self.made[self.pool.held()]).sum())
 
 
-def buckets_of(shape: TreeShape) -> tuple[int, ...]:
-    """Numbers of pages that are stored in one call of a tree: `BUCKETS` as far as they fit."""
-    most = max(1, min(shape.pages, STORE_TEXELS // shape.side**2, BUCKETS[-1]))
+def buckets_of(side: int, capacity: int) -> tuple[int, ...]:
+    """Numbers of pages, `side` texels a side, that are stored in one call of a tree with room for
+    `capacity`: `BUCKETS` as far as they fit."""
+    most = max(1, min(capacity, STORE_TEXELS // side**2, BUCKETS[-1]))
     return (*(bucket for bucket in BUCKETS if bucket < most), most)
 
 
 def _store(shape: TreeShape, tree: Tree, pages, depth, prim) -> Tree:
     """The tree, taken over, with the texels of `pages` (k,), k at most the largest bucket."""
     count = pages.size
-    bucket = next(b for b in buckets_of(shape) if b >= count)
+    bucket = next(b for b in buckets_of(shape.side, tree.capacity) if b >= count)
     texels = (
         None if tree.depth is None else _padded(depth, bucket),
         None if tree.prim is None else _padded(prim, bucket),
     )
     in_a_row = pages[-1] - pages[0] == count - 1 and bool(np.all(np.diff(pages) == 1))
-    if in_a_row and pages[0] + bucket <= shape.pages:
+    if in_a_row and pages[0] + bucket <= tree.capacity:
         first = np.int32(pages[0])
         stored = store_run(tree.depth, tree.prim, first, np.int32(count), *texels)
     else:
-        places = _padded(pages.astype(np.int32), bucket, shape.pages)
+        places = _padded(pages.astype(np.int32), bucket, tree.capacity)
         stored = store_pages(tree.depth, tree.prim, places, *texels)
     return Tree(tree.entries, *stored)
 
@@ -384,14 +386,19 @@ _compiled: set[tuple] = set()
 
 def _stores_compiled(shape: TreeShape, tree: Tree) -> Tree:
     """The tree as it was, every bucket compiled once: a frame with many new nodes must not wait."""
-    kind = shape, tree.depth is None, tree.prim is None, jax.config.read("jax_enable_x64")
-    if kind not in _compiled:
-        for bucket in buckets_of(shape):
-            texels = (bucket, shape.side, shape.side)
-            empty = np.zeros(texels, np.float32), np.zeros(texels, np.int32)
-            for pages in (np.full(bucket, shape.pages), np.arange(bucket)):
-                tree = _store(shape, tree, pages, *empty)
-        _compiled.add(kind)
+    kinds = tree.depth is None, tree.prim is None, jax.config.read("jax_enable_x64")
+    if (shape, tree.capacity, *kinds) not in _compiled:
+        nothing = np.int32(0)
+        for bucket in buckets_of(shape.side, tree.capacity):
+            texels = [
+                None if kept is None else np.zeros((bucket, shape.side, shape.side), kind)
+                for kept, kind in ((tree.depth, np.float32), (tree.prim, np.int32))
+            ]
+            spare = np.full(bucket, tree.capacity, np.int32)
+            stored = store_pages(tree.depth, tree.prim, spare, *texels)
+            stored = store_run(*stored, nothing, nothing, *texels)
+            tree = Tree(tree.entries, *stored)
+        _compiled.add((shape, tree.capacity, *kinds))
     return tree
 
 

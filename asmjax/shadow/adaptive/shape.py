@@ -25,6 +25,10 @@ CHAIN_TABLES = 6
 TOP_SHARE = 1 / 24
 """Part of the memory that the top page table may take, on device and host together."""
 
+TOP_LOG2 = 8
+"""log2 of its entries a side of a face, at most: twice as many save no step of a lookup at the
+usual sizes of nodes, and take twice as long to fill."""
+
 ENTRY_BYTES = 2 * 4
 """A page table entry: on the device, and on the host."""
 
@@ -127,6 +131,7 @@ def shape_for(
     log2_top = 0
     while ENTRY_BYTES * (faces << 2 * (log2_top + 1)) <= memory_bytes * TOP_SHARE:
         log2_top += 1
+    log2_top = min(log2_top, TOP_LOG2)
 
     def pages_beside(log2_top: int) -> int:
         return int((memory_bytes - fixed - ENTRY_BYTES * (faces << 2 * log2_top)) // per_page)

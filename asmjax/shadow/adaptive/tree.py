@@ -17,7 +17,14 @@ from asmjax.buffers import Receivers
 from asmjax.shadow.adaptive.address import Address, centre_offset, index_at
 from asmjax.shadow.adaptive.page_table import find_entries, level_of, page_of, take
 from asmjax.shadow.adaptive.shape import GUARD, TreeShape
-from asmjax.shadow.comparison import Compare, lit_by_texel, pack_prim, stored
+from asmjax.shadow.comparison import Compare, lit_by_texel, pack_prim, stored, texel_bytes
+
+FIRST_BYTES = 16 << 20
+"""Memory of the texels that a tree begins with, at most: writing all of a large limit before
+anything is cast takes longer than the casting."""
+
+GROWTH = 4
+"""Times as much memory where that is not enough."""
 
 
 class Tree(NamedTuple):
@@ -25,22 +32,56 @@ class Tree(NamedTuple):
 
     Attributes:
         entries: (entries,) page tables, see `asmjax.shadow.adaptive.page_table`.
-        depth: (pages + 1, side * side) float32 axial depth of each texel, scene units; None if
-            not compared.
-        prim: (pages + 1, side * side) packed primitive of each texel; None if not compared.
+        depth: (capacity + 1, side * side) float32 axial depth of each texel, scene units; None if
+            not compared. The last row is the spare page.
+        prim: (capacity + 1, side * side) packed primitive of each texel; None if not compared.
     """
 
     entries: Int[Array, " entries"]
     depth: Float[Array, "pages texels"] | None
     prim: UInt16[Array, "pages texels"] | None
 
+    @property
+    def capacity(self) -> int:
+        """Pages that there is memory for; the tree's shape says how many there may be."""
+        return next(len(texels) for texels in self[1:] if texels is not None) - 1
 
-@partial(jax.jit, static_argnums=(0, 1))
+
 def empty_tree(shape: TreeShape, compare: Compare) -> Tree:
-    """A tree without pages."""
-    texels = (shape.pages + 1, shape.side**2)
+    """A tree without pages, with memory for `FIRST_BYTES` of them."""
+    first = max(FIRST_BYTES // (shape.side**2 * texel_bytes(compare)), 1)
+    return _empty(shape, compare, min(shape.pages, first))
+
+
+@partial(jax.jit, static_argnums=(0, 1, 2))
+def _empty(shape: TreeShape, compare: Compare, capacity: int) -> Tree:
+    texels = (capacity + 1, shape.side**2)
     depth, prim = stored(compare, jnp.zeros(texels, jnp.float32), jnp.zeros(texels, jnp.int32))
     return Tree(jnp.zeros(shape.entries, jnp.int32), depth, prim)
+
+
+def with_room(shape: TreeShape, tree: Tree, pages: int) -> Tree:
+    """The tree with memory for `pages` pages at least; itself where it has that already.
+
+    While it grows, the old arrays are there beside the new ones. What is compiled for a tree is
+    compiled anew for a larger one.
+    """
+    capacity = tree.capacity
+    if capacity >= pages:
+        return tree
+    while capacity < pages:
+        capacity *= GROWTH
+    return _with_capacity(tree, min(capacity, shape.pages))
+
+
+@partial(jax.jit, static_argnums=1)
+def _with_capacity(tree: Tree, capacity: int) -> Tree:
+    def longer(texels):
+        if texels is None:
+            return None
+        return jnp.pad(texels, ((0, capacity + 1 - len(texels)), (0, 0)))
+
+    return Tree(tree.entries, longer(tree.depth), longer(tree.prim))
 
 
 def serve(shape: TreeShape, tree: Tree, receivers: Receivers, address: Address):
@@ -105,7 +146,7 @@ def lookup(
 def store_pages(depth, prim, pages, new_depth, new_prim):
     """Write pages into the texel arrays, which are reused in place; returns (depth, prim).
 
-    Entries of `pages` equal to the number of pages are padding and land in the spare page.
+    Entries of `pages` equal to the tree's capacity are padding and land in the spare page.
     """
     return tuple(
         None if texels is None else texels.at[pages].set(new)
