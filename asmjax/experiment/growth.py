@@ -2,7 +2,7 @@
 
 import statistics
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
@@ -146,6 +146,27 @@ def growth_point(
         converged=not any(status.is_limit for status in (cold.status, *(s for _, s in mine))),
         nodes=0 if nodes is None else nodes.held,
         bytes=max(cost.bytes for cost in (cold.cost, *(c for c, _ in mine))),
+    )
+
+
+def middle_point(points: Sequence[GrowthPoint]) -> GrowthPoint:
+    """One point of several of one size: medians of the times, and the last one's counts. It has
+    converged if all of them have.
+
+    Rounds over all sizes, there and back, keep a machine that slows down meanwhile out of the
+    exponent.
+    """
+    require(
+        len({point.size for point in points}) == 1,
+        f"points of sizes {[point.size for point in points]} have no middle; give one size's.",
+    )
+    return replace(
+        points[-1],
+        seconds={
+            name: statistics.median(point.seconds[name] for point in points)
+            for name in points[-1].seconds
+        },
+        converged=all(point.converged for point in points),
     )
 
 

@@ -1,6 +1,7 @@
 """Footprints: the sizes of pixels and texels on a surface, and what follows from them."""
 
 from asmjax.footprint.area import orthographic_area, perspective_area
+from asmjax.footprint.beams import log2_perspective_error
 from asmjax.footprint.benefit import cell_benefit, cell_index, cell_worst
 from asmjax.footprint.edges import straddles_discontinuity
 from asmjax.footprint.jacobian import (
@@ -38,6 +39,7 @@ __all__ = [
     "log2_m",
     "log2_mip_value",
     "log2_mipmap_ratio",
+    "log2_perspective_error",
     "log2_sampled_length",
     "m",
     "n_required",
