@@ -18,7 +18,7 @@ import numpy as np
 
 from asmjax.cli.caches import enable_compilation_cache
 from asmjax.experiment import measure, measure_rays
-from asmjax.experiment.growth import Growth, GrowthPoint, growth_point, middle_point
+from asmjax.experiment.growth import Growth, GrowthPoint, growth_point, with_cold_in_turns
 from asmjax.experiment.maps import answered_resolution
 from asmjax.experiment.traces import counted_traces
 from asmjax.machine import keep_freed_memory
@@ -55,7 +55,6 @@ class Sizes:
     triangles: tuple[int, ...] = (10_000, 100_000, 1_000_000, 10_000_000)
     memories_mb: tuple[float, ...] = (2, 4, 8, 16, 32, 64)
     memory_pixels: int = 256
-    memory_rounds: int = 2
     growth_triangles: int = 250_000
     growth_frames: int = 10
     growth_repeats: int = 7
@@ -65,7 +64,7 @@ QUICK = Sizes(
     pixels=64, memory_mb=1.0, frames=6, repeats=1, large_frames=3, many_samples=2,
     views=("closeup",), house="letter_f", large="surface:10k",
     pixel_sides=(64,), triangles=(5_000, 20_000), memories_mb=(1.0,), memory_pixels=64,
-    memory_rounds=2, growth_triangles=10_000, growth_frames=3, growth_repeats=1,
+    growth_triangles=10_000, growth_frames=3, growth_repeats=1,
 )  # fmt: skip
 
 
@@ -185,17 +184,13 @@ def surface_walk(analysis: Analysis) -> None:
 
 
 def growth(analysis: Analysis, axis: str) -> None:
-    """Times along one axis, point after point, each written before the next; along memory in
-    rounds there and back, for what is sought there is a flat line."""
-    sizes = analysis.sizes
+    """Times along one axis, one point after the other, each written before the next."""
+    sizes, points, maps = analysis.sizes, [], []
     along = {
         "pixels": sizes.pixel_sides, "triangles": sizes.triangles, "memory": sizes.memories_mb,
     }[axis]  # fmt: skip
-    rounds = sizes.memory_rounds if axis == "memory" else 1
-    found: dict[float, list[GrowthPoint]] = {value: [] for value in along}
-    for value in analysis.kept.bar(
-        [v for k in range(rounds) for v in along[:: 1 - 2 * (k % 2)]], f"growth with {axis}"
-    ):
+    walk = None
+    for value in analysis.kept.bar(along, f"growth with {axis}"):
         varied = {
             "pixels": {"size": (value, value)},
             "triangles": {},
@@ -206,13 +201,16 @@ def growth(analysis: Analysis, axis: str) -> None:
             f"surface:{triangles}", view="rings", frames=sizes.growth_frames, **varied
         )
         size = {"pixels": value**2, "triangles": value, "memory": int(value * MB)}[axis]
-        found[value].append(
-            growth_point(size, walk.frames(), walk.setting.adaptive, sizes.growth_repeats)
-        )
-        points = tuple(middle_point(points) for points in found.values() if points)
+        maps.append(walk.setting.adaptive)
+        points.append(growth_point(size, walk.frames(), maps[-1], sizes.growth_repeats))
         limit = {} if axis == "memory" else {"memory_bytes": walk.setting.adaptive.memory_bytes}
-        analysis.record["growth"][axis] = Growth(axis, points).record() | limit
+        analysis.record["growth"][axis] = Growth(axis, tuple(points)).record() | limit
         analysis.kept.write()
+    if axis == "memory" and walk is not None:
+        # What is sought is a flat line, and all points see the same frame.
+        first = next(walk.frames()).input
+        turned = with_cold_in_turns(Growth(axis, tuple(points)), maps, first, sizes.growth_repeats)
+        analysis.record["growth"][axis] = turned.record()
 
 
 def growth_figure(analysis: Analysis) -> None:

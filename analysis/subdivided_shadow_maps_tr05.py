@@ -1,303 +1,56 @@
-"""Sections 3 to 5 of "Subdivided Shadow Maps" (Lloyd, Yoon, Tuft, Manocha, TR05-024): the theory.
+"""Sections 3 to 5 of "Subdivided Shadow Maps" (Lloyd, Yoon, Tuft, Manocha, TR05-024), done again.
 
     python analysis/subdivided_shadow_maps_tr05.py [--out DIR] [--quick]
 
-Figures 4 and 7, checks of the equations as printed, storage factors under an overhead light and by
-light direction, and a table of bounds, as report.json, report.md and PNG files.
+The theory: figures 4 and 7, checks of the equations as printed, storage factors under an overhead
+light and by light direction. The measurements: figures 1, 9 and 10, light along the view, the
+overdraw of table 2, maps of equal bytes, predicted against measured displacement. A table of
+bounds, as report.json, report.md and PNG files; what is done is written after each step.
 """
 
 import argparse
 import functools
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
 import jax
-import jax.numpy as jnp
-import numpy as np
+from tr05 import accuracy_steps, aliasing_steps, cost_steps, theory_steps
+from tr05.sizes import QUICK, Analysis, Sizes
 
-from asmjax import theory
 from asmjax.cli.caches import enable_compilation_cache
-from asmjax.report.figures.aliasing import (
-    Curve,
-    draw_directions,
-    draw_distribution,
-    draw_subdivision,
-)
-from asmjax.report.paper_tr05 import (
-    CROSSING_DEG,
-    DIRECTIONS,
-    EQUATION_7,
-    EQUATION_7_LIMIT,
-    PAPER,
-    STORAGE,
-    bounds_of,
-    bounds_table,
-    document,
-    last_digits,
-    signed,
-)
-from asmjax.report.stepwise import StepwiseRecord
+from asmjax.machine import keep_freed_memory
+from asmjax.report.paper_tr05 import bounds_of, bounds_table
 
-THETA_DEG = 30.0
-THETA = np.radians(THETA_DEG)
-UNIT = np.arctan(0.5)
-"""The half angle at which 1 / (2 tan theta) is 1: errors in those units."""
-
-
-@dataclass(frozen=True)
-class Sizes:
-    """What is computed, and how finely."""
-
-    depths: int = 1001
-    check_alphas: tuple[float, ...] = (1.001, 1.5, 10.0, 100.0, 1e3, 1e4, 1e6)
-    check_xis: tuple[float, ...] = (-1.0, -0.7, -0.3, 0.0, 0.2, 0.6, 1.0)
-    check_parts: tuple[int, ...] = (1, 2, 3, 5, 9)
-    figure_alpha: float = 10.0
-    figure_alphas: tuple[float, ...] = (10.0, 100.0, 1e3, 1e6)
-    most_parts: int = 10
-    direction_alpha: float = 1000.0
-    directions: int = 361
-
-
-QUICK = Sizes(
-    depths=101, check_alphas=(1.5, 1e3), check_xis=(-1.0, 0.0, 0.6), check_parts=(1, 3),
-    figure_alphas=(10.0, 1e3), most_parts=4, directions=31,
-)  # fmt: skip
-
-
-class Analysis:
-    """What is computed, and the record that it goes to."""
-
-    def __init__(self, folder: Path, sizes: Sizes, quiet: bool = False):
-        title = "Subdivided Shadow Maps (TR05-024): the theory, computed again"
-        self.kept = StepwiseRecord(folder, title, vars(sizes), bounds_of, document, quiet)
-        self.sizes, self.record = sizes, self.kept.record
-        self.record["paper"] = PAPER
-
-
-def equations(analysis: Analysis) -> None:
-    """Our kernels in u against the equations as printed in n and xi, in float64 and float32."""
-    sizes = analysis.sizes
-    alpha, xi = (x.reshape(-1, 1) for x in np.meshgrid(sizes.check_alphas, sizes.check_xis))
-    z = alpha ** np.linspace(0, 1, sizes.depths)
-    z[:, -1:] = alpha
-    ours = {key: np.asarray(value) for key, value in _warps(xi, alpha).items()}
-    ours |= {key: np.asarray(value) for key, value in _errors(z, alpha, ours["u"]).items()}
-
-    root = np.sqrt(alpha)
-    # xi = -1 is n = infinity: the printed forms are taken at 1e30 and more.
-    weak = (root + 1 - xi * (alpha - 1)) / np.maximum(xi + 1, 1e-30)
-    n = np.where(xi > 0, (root + 1) / (np.abs(xi) * root + 1), weak)
-    f = n + alpha - 1
-    g, m_x = (z - 1 + n) ** 2 / (z * n * f), alpha * (n + z - 1) / (z * f)
-    m_max = (alpha - 1) * (1 + np.abs(xi) * (root - 1)) / root
-    bend = 1 + np.abs(xi) * (root - 1)
-    m_x_max = alpha / root * np.where(xi <= 0, bend, 1 / bend)
-    density = f / (alpha - 1) * (n / (z - 1 + n)) / (z - 1 + n)
-    finite = xi > -1
-    worst = {
-        "equation 3": apart(ours["g"], g),
-        "equation 4": max(
-            apart(ours["n"][finite], n[finite]), apart(1 + ours["xi"][finite], 1 + xi[finite])
-        ),
-        "equation 5": max(
-            apart((alpha - 1) * g.max(axis=1, keepdims=True), m_max), apart(ours["m_max"], m_max)
-        ),
-        "equation 8": apart(ours["m_x"], m_x),
-        "equation 9": max(
-            apart(m_x.max(axis=1, keepdims=True), m_x_max), apart(ours["m_x_max"], m_x_max)
-        ),
-        "g at n_opt": apart(ours["g"][xi[:, 0] == 0][:, [0, -1]], alpha[xi == 0][:, None] ** -0.5),
-        "s(z)": max(
-            apart(ours["s"][:, [0, -1]] + 1, np.array([1, 2])), apart(ours["density"], density)
-        ),
-    }
-    single = np.float32(z), np.float32(alpha), np.float32(ours["u"])
-    exact = _errors(*(np.float64(x) for x in single))
-    with jax.enable_x64(False):
-        rounded = _errors(*single)
-    worst["float32"] = max(apart(rounded[name], exact[name]) for name in ("g", "m_x", "m_x_max"))
-    k = np.reshape(sizes.check_parts, (-1, 1, 1))
-    printed = [_largest_of_parts(z, alpha, int(parts), xi) for parts in k.ravel()]
-    worst["equation 7"] = apart(subdivided(alpha, k, xi), np.stack(printed)[:, :, None])
-    analysis.record["equations"] = worst
-
-
-def apart(got, wanted) -> float:
-    """Largest relative deviation."""
-    wanted = np.asarray(wanted, np.float64)
-    return float(np.abs(np.asarray(got, np.float64) / wanted - 1).max())
-
-
-@jax.jit
-def _warps(xi, alpha):
-    """What follows from xi and alpha."""
-    u = theory.u_from_xi(xi, alpha)
-    return {
-        "u": u,
-        "n": theory.n_from_u(u),
-        "xi": theory.xi_from_u(u, alpha),
-        "m_max": theory.m_z_max(alpha, u, UNIT),
-    }
-
-
-@jax.jit
-def _errors(z, alpha, u):
-    """What depends on depth; density is ds/dz."""
-    s, density = jax.jvp(lambda z: theory.s_of_z(z, alpha, u), (z,), (jnp.ones_like(z),))
-    return {
-        "g": theory.g(z, alpha, u),
-        "m_x": theory.m_x(z, alpha, u),
-        "m_x_max": theory.m_x_max(alpha, u),
-        "s": s,
-        "density": density,
-    }
-
-
-_subdivided = jax.jit(lambda alpha, k, xi: theory.subdivided_m_z_max(alpha, k, xi, UNIT))
-
-
-def subdivided(alpha, k, xi) -> np.ndarray:
-    """Equation 7 in units of r_p / (2 r_s tan theta)."""
-    return np.asarray(_subdivided(*np.broadcast_arrays(alpha, np.float64(k), np.float64(xi))))
-
-
-def _largest_of_parts(z, alpha, k: int, xi) -> np.ndarray:
-    """Equation 2 with r_s / k texels for the part 1 <= z <= alpha^(1/k): the largest by row.
-
-    The other parts are this one, scaled.
-    """
-    part = np.expm1(np.log(alpha) / k)
-    root = np.sqrt(1 + part)
-    u = np.where(xi > 0, 1 + xi * root, 1 + xi) / (1 + root - np.where(xi > 0, 0, xi * part))
-    # Not z^(1/k) - 1, which cancels.
-    q = np.expm1(np.log(z) / k)
-    return (k * part * (1 + u * q) ** 2 / ((1 + q) * (1 + u * part))).max(axis=1)
-
-
-def figure_4(analysis: Analysis) -> None:
-    """g over depth for warps from the PSM to none."""
-    alpha = analysis.sizes.figure_alpha
-    z = np.linspace(1, alpha, analysis.sizes.depths)
-    best = float(jax.jit(theory.u_lispsm)(alpha))
-    warps = {1.0: " (PSM)", 0.5: "", best: " (LiSPSM)", 0.1: "", 0.0: " (uniform)"}
-    strengths = np.array(list(warps))[:, None]
-    distributions = np.asarray(jax.jit(theory.g)(z, alpha, strengths))
-    xis = np.asarray(jax.jit(theory.xi_from_u)(strengths[:, 0], alpha))
-    curves, rows = [], []
-    for (u, name), xi, g in zip(warps.items(), xis, distributions, strict=True):
-        n = "∞" if u == 0 else f"{1 / u:.3g}"
-        curves.append(Curve(f"n = {n}, ξ = {signed(xi)}{name}", z, g))
-        least = int(g.argmin())
-        rows.append({"u": u, "xi": xi, "near": g[0], "far": g[-1], "least": g[least],
-                     "least_at": z[least]})  # fmt: skip
-    analysis.record["figure_4"] = {"alpha": alpha, "curves": rows}
-    analysis.kept.figure("figure_4", draw_distribution(curves, alpha), "g over depth")
-
-
-def figure_7(analysis: Analysis) -> None:
-    """Equation 7 against the number of parts, its table, and the gain that figure 9 claims."""
-    sizes = analysis.sizes
-    cells = [
-        (alpha, k, xi, text)
-        for alpha, by_k in EQUATION_7.items()
-        for k, texts in by_k.items()
-        for xi, text in zip((0, 1), texts, strict=True)
-    ]
-    values = subdivided(*np.array([cell[:3] for cell in cells], float).T)
-    rows = [_row(text, value, alpha=alpha, k=k, xi=xi)
-            for (alpha, k, xi, text), value in zip(cells, values, strict=True)]  # fmt: skip
-    alphas = np.array([*EQUATION_7_LIMIT, *sizes.figure_alphas])
-    least = np.asarray(jax.jit(theory.logarithmic_m_z)(alphas, UNIT))
-    for (alpha, text), limit in zip(EQUATION_7_LIMIT.items(), least, strict=False):
-        rows.append(_row(text, limit, alpha=alpha, k=None, xi=None))
-    analysis.record["equation_7_table"] = rows
-    xi = np.array([0.0, 0.3, 0.6, 0.673, 1.0])
-    whole, halves = subdivided(100.0, [[1], [2]], xi)
-    gains = zip(xi, whole / halves, strict=True)
-    analysis.record["figure_9"] = {f"{x:g}": gain for x, gain in gains}
-    k = np.arange(1, sizes.most_parts + 1)
-    curves = subdivided(np.reshape(sizes.figure_alphas, (-1, 1, 1)), k, [[0], [1]])
-    shapes, excesses = [], []
-    for alpha, (best, strongest), limit in zip(
-        sizes.figure_alphas, curves, least[len(EQUATION_7_LIMIT) :], strict=True
-    ):
-        label = f"α = {alpha:,.0f}"
-        shapes.append(Curve(label, k, best / best[0]))
-        excesses.append(Curve(label, k, best / limit))
-        excesses.append(Curve(f"{label}, ξ = ±1", k, strongest / limit, dashed=True))
-    drawn = draw_subdivision(shapes, excesses)
-    analysis.kept.figure("figure_7", drawn, "largest error against the number of parts")
-
-
-def storage(analysis: Analysis) -> None:
-    """Storage factors under an overhead light beside the reference's."""
-    stored = jax.jit(
-        lambda alpha, k, warp: theory.overhead_factors(alpha, THETA, warp, k=k).storage,
-        static_argnames="warp",
-    )
-    rows = analysis.record["storage"] = []
-    for method in STORAGE:
-        alphas = np.array(list(method.printed), float)
-        values = np.asarray(stored(alphas, float(method.k), method.warp))
-        for (alpha, text), value in zip(method.printed.items(), values, strict=True):
-            rows.append(_row(text, value, words=method.words, alpha=alpha))
-
-
-def light_directions(analysis: Analysis) -> None:
-    """Storage factors against the angle between light and view, beside the reference's."""
-    alpha = analysis.sizes.direction_alpha
-    gamma_deg = np.linspace(0, 90, analysis.sizes.directions)
-    about_deg = np.linspace(CROSSING_DEG - 5, CROSSING_DEG + 5, 41)
-    places = np.array(sorted({place for method in DIRECTIONS for place in method.printed}), float)
-    gamma = np.radians(np.concatenate([places, gamma_deg, about_deg]))
-    stored = jax.jit(
-        lambda k, warp: theory.direction_storage(alpha, THETA, gamma, warp, k).storage,
-        static_argnames="warp",
-    )
-    rows, curves, near_crossing = [], [], {}
-    for method in analysis.kept.bar(DIRECTIONS, "light directions"):
-        at, along, near_crossing[method.words] = np.split(
-            np.asarray(stored(float(method.k), method.warp)),
-            np.cumsum([places.size, gamma_deg.size]),
-        )
-        for place, text in method.printed.items():
-            value = float(at[places == place][0])
-            rows.append({"words": method.words, "gamma_deg": place, "printed": text,
-                         "value": value, "deviation": apart(value, float(text))})  # fmt: skip
-        theirs = [(place, float(text)) for place, text in method.printed.items()]
-        curves.append(Curve(method.words, gamma_deg, along, np.array(theirs).T))
-    excess = np.log(near_crossing["LiSPSM"] / near_crossing["uniform"])
-    analysis.record["directions"] = rows
-    # It falls with the angle: interpolated at 0.
-    analysis.record["crossing_deg"] = float(np.interp(0, -excess, about_deg))
-    drawn = draw_directions(curves, THETA_DEG, alpha)
-    analysis.kept.figure("light_directions", drawn, "storage factors by light direction")
-
-
-def _row(text: str, value, **entries) -> dict:
-    """A line of a table: ours, the printed number, and how far apart they are."""
-    value = float(value)
-    return {**entries, "printed": text, "value": value, "deviation": last_digits(text, value)}
-
-
-STEPS: dict[str, Callable[[Analysis], None]] = {
-    "equations": equations,
-    "figure 4": figure_4,
-    "figure 7 and equation 7": figure_7,
-    "storage under an overhead light": storage,
-    "storage by light direction": light_directions,
+THEORY: dict[str, Callable[[Analysis], None]] = {
+    "equations": theory_steps.equations,
+    "figure 4": theory_steps.figure_4,
+    "figure 7 and equation 7": theory_steps.figure_7,
+    "storage under an overhead light": theory_steps.storage,
+    "storage by light direction": theory_steps.light_directions,
 }
-"""What is done, in this order; a later step may read what an earlier one put into the record."""
+"""Steps in float64."""
+
+MEASURED: dict[str, Callable[[Analysis], None]] = {
+    "figures 1 and 9: aliasing in the alley": aliasing_steps.alley,
+    "figure 10: frame times": cost_steps.frame_times,
+    "table 2: overdraw": cost_steps.overdrawn,
+    "maps of equal bytes": accuracy_steps.equal_bytes,
+    "predicted and measured displacement": accuracy_steps.displacements,
+}
+"""Steps in the precision that users have; a later one may read what an earlier one recorded."""
 
 
 def run(folder: Path, sizes: Sizes, quiet: bool = False) -> dict:
-    """All steps, in float64; returns the record."""
+    """All steps; returns the record."""
     analysis = Analysis(folder, sizes, quiet)
     with jax.enable_x64(True):
-        analysis.kept.run({name: functools.partial(step, analysis) for name, step in STEPS.items()})
+        analysis.kept.run(_bound(THEORY, analysis))
+    analysis.kept.run(_bound(MEASURED, analysis))
     return analysis.record
+
+
+def _bound(steps: dict, analysis: Analysis) -> dict[str, Callable[[], None]]:
+    return {name: functools.partial(step, analysis) for name, step in steps.items()}
 
 
 def main() -> None:
@@ -306,6 +59,7 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="small sizes: tries it out")
     options = parser.parse_args()
     enable_compilation_cache()
+    keep_freed_memory()
     record = run(options.out, QUICK if options.quick else Sizes())
     print(bounds_table(bounds_of(record)))
     print(f"report and figures: {options.out}/report.md")

@@ -5,7 +5,7 @@ import pytest
 
 from asmjax.errors import UseError
 from asmjax.experiment.bounds import Bound
-from asmjax.experiment.growth import SERIES, Growth, GrowthPoint, fitted_slope, middle_point
+from asmjax.experiment.growth import SERIES, Growth, GrowthPoint, fitted_slope
 from asmjax.report.figures import RunPictures
 from asmjax.report.figures.beside import draw_beside
 from asmjax.report.figures.growth import draw_growth
@@ -219,16 +219,3 @@ def test_beside_marks_what_is_wrong(wrong):
     marked = [images[3], images[4]]
     count = sum(near(image, c).sum() for image in marked for c in (FALSE_LIT, FALSE_DARK))
     assert (count > 0) == wrong
-
-
-def test_rounds_over_the_same_sizes_come_to_their_medians():
-    """Times of one size by name; what did not converge once has not; sizes are not mixed."""
-    points = [
-        GrowthPoint(4, dict.fromkeys(SERIES, seconds), seconds < 3, 10, 100)
-        for seconds in (1.0, 5.0, 2.0)
-    ]
-    middle = middle_point(points)
-    assert middle.seconds == dict.fromkeys(SERIES, 2.0) and not middle.converged
-    assert middle_point(points[:1]) == points[0]
-    with pytest.raises(UseError, match="have no middle"):
-        middle_point([points[0], GrowthPoint(8, {}, True, 1, 1)])

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import jax.numpy as jnp
 import numpy as np
+from jax.typing import ArrayLike
 
 from asmjax.buffers import EyeBuffer
 from asmjax.experiment.aliasing import AliasingMaps
@@ -50,9 +51,9 @@ class TruthEdges:
     length: np.ndarray
 
 
-def truth_edges(truth: np.ndarray, eye: EyeBuffer, counted: np.ndarray) -> TruthEdges:
+def truth_edges(truth: ArrayLike, eye: EyeBuffer, counted: np.ndarray) -> TruthEdges:
     """The edges of `truth` (n,) between neighbours that see one surface and are both `counted`."""
-    height, width = eye.shape
+    height, width = eye.size
     lit = (np.asarray(truth) >= 0.5).reshape(height, width)
     pairs = surface_pairs(counted.reshape(height, width), eye.depth.reshape(height, width))
     edges = boundary_edges(lit, pairs)
@@ -92,7 +93,7 @@ def _signed(lit: np.ndarray, edges: SurfacePairs) -> tuple[np.ndarray, np.ndarra
 
 
 def displacement(
-    truth: np.ndarray, visibility: np.ndarray, eye: EyeBuffer, maps: AliasingMaps
+    truth: ArrayLike, visibility: ArrayLike, eye: EyeBuffer, maps: AliasingMaps
 ) -> Displacement:
     """Both numbers for one map. Without any edge, all are 0."""
     counted = eye.valid & maps.known

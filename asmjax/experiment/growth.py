@@ -8,7 +8,7 @@ import numpy as np
 
 from asmjax.errors import require
 from asmjax.experiment.methods import Measured, measure
-from asmjax.experiment.walkthrough import FrameResult
+from asmjax.experiment.walkthrough import FrameInput, FrameResult
 from asmjax.shadow import AdaptiveShadowMap
 
 SERIES = ("cold", "warm", "query", "uniform", "rays")
@@ -149,25 +149,22 @@ def growth_point(
     )
 
 
-def middle_point(points: Sequence[GrowthPoint]) -> GrowthPoint:
-    """One point of several of one size: medians of the times, and the last one's counts. It has
-    converged if all of them have.
-
-    Rounds over all sizes, there and back, keep a machine that slows down meanwhile out of the
-    exponent.
+def with_cold_in_turns(
+    growth: Growth, maps: Sequence[AdaptiveShadowMap], first: FrameInput, repeats: int
+) -> Growth:
+    """The growth with its times from nothing taken anew, the maps of all points in turns, `repeats`
+    each: a machine that slows down meanwhile stays out of the exponent.
     """
-    require(
-        len({point.size for point in points}) == 1,
-        f"points of sizes {[point.size for point in points]} have no middle; give one size's.",
-    )
-    return replace(
-        points[-1],
-        seconds={
-            name: statistics.median(point.seconds[name] for point in points)
-            for name in points[-1].seconds
-        },
-        converged=all(point.converged for point in points),
-    )
+    seconds: list[list[float]] = [[] for _ in maps]
+    for _ in range(repeats):
+        for mine, adaptive in zip(seconds, maps, strict=True):
+            cost = measure(adaptive, first.eyes, first.kept, first.rays, 1).cost
+            mine.append(sum(cost.seconds.values()))
+    points = [
+        replace(point, seconds={**point.seconds, "cold": statistics.median(mine)})
+        for point, mine in zip(growth.points, seconds, strict=True)
+    ]
+    return replace(growth, points=tuple(points))
 
 
 def _of_kind(result: FrameResult, kind: str) -> Measured:

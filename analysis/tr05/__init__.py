@@ -1,0 +1,1 @@
+"""The steps of `subdivided_shadow_maps_tr05.py`, by section of the paper."""
