@@ -164,8 +164,8 @@ class Walk:
             if rays is None or moved is not None:
                 rays = scene.light_rays(light)
             eyes, seconds = timed(lambda scene=scene, view=view: self._eyes(scene, view))
-            before, kept = kept, scene.kept_light_frame(kept, eyes[0], light)
-            fitted = scene.light_frame(eyes[0], light)
+            before, kept = kept, scene.kept_light_frame(kept, eyes, light)
+            fitted = scene.light_frame(eyes, light)
             yield FrameInput(
                 number=k,
                 view=view,

@@ -446,7 +446,13 @@ def test_closeup_reaches_half_a_million_texels_a_side():
     scene = ANALYTIC_SCENES["a4_disc_light"]()
     edge = 5.0 / 3.0
     view = ViewSpec("macro", (edge, -0.01, 0.02), (edge, 0.0, 0.0), (0.0, 0.0, 1.0), 25.0, 128, 128)
-    light = LightSpec("centre", "point", position=(0.0, 0.0, 5.0), fov_deg=122.0)
+    light = LightSpec(
+        "centre",
+        "point",
+        position=(0.0, 0.0, 5.0),
+        direction=(0.0, 0.0, -1.0),
+        fov_deg=122.0,
+    )
     case = case_of(scene, scene.spec.shapes, view, light)
     algorithm = AdaptiveShadowMap(cost_model=FAST)
     state = algorithm.build(case.eye, case.frame, case.rays)
@@ -514,7 +520,7 @@ def test_one_pixel_in_eight_follows_a_walk_as_well_as_all_of_them():
     of the looks: over the walk at most a quarter more errors than with a full analysis of each
     frame, and either is far better than no update."""
     steps = [(2.4 - 0.15 * k, 0.05 * k, 0.0) for k in range(20)]
-    cases = walk("a4_disc_light", 96, steps, fov_deg=110.0)
+    cases = walk("a4_disc_light", 96, steps, fov_deg=110.0, direction=(0.0, 0.0, -1.0))
     total = {}
     for share in (1, 8, None):
         algorithm = AdaptiveShadowMap(
@@ -549,7 +555,7 @@ def test_few_new_nodes_wait_for_more_but_never_long():
     """Small steps ask for a few nodes each: they wait, some frames at most, so that there are fewer
     launches than steps; a view at rest leaves nothing waiting."""
     steps = [(2.4 - 0.05 * k, 0.0, 0.0) for k in range(20)]
-    cases = walk("a4_disc_light", 96, steps, fov_deg=110.0)
+    cases = walk("a4_disc_light", 96, steps, fov_deg=110.0, direction=(0.0, 0.0, -1.0))
     algorithm = AdaptiveShadowMap(
         memory_bytes=2**21, node_resolution=8, finest_ratio=1.0, cost_model=FAST
     )

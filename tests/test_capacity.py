@@ -133,7 +133,7 @@ def test_full_page_tables_are_told():
     scene = ANALYTIC_SCENES["a4_disc_light"]()
     edge = 5.0 / 3.0
     view = ViewSpec("near", (edge, 0.0, 0.004), (edge, 0.0, 0.0), (0.0, 1.0, 0.0), 20.0, SIDE, SIDE)
-    light = LightSpec("centre", "point", position=(0.0, 0.0, 5.0), fov_deg=100.0)
+    light = LightSpec("centre", "point", (0.0, 0.0, 5.0), (0.0, 0.0, -1.0), fov_deg=100.0)
     case = case_of(scene, scene.spec.shapes, view, light)
     status, wrong, width = limited(case, memory_bytes=3 * 2400)
     assert status is Status.NODE_CAPACITY and status.is_limit

@@ -55,7 +55,7 @@ def test_a_frame_is_kept_until_it_is_left(kind):
 
 
 def test_a_frame_with_its_own_field_of_view_is_always_the_same():
-    light = LightSpec("lamp", "point", position=(0.0, 0.0, 5.0), fov_deg=90.0)
+    light = LightSpec("lamp", "point", (0.0, 0.0, 5.0), (0.0, 0.0, -1.0), fov_deg=90.0)
     first = kept_light_frame(None, light, floor(0.0), BOUNDS)
     assert eqx.tree_equal(first, kept_light_frame(first, light, floor(4.0), BOUNDS))
     assert eqx.tree_equal(first, light_frame(light, floor(0.0), BOUNDS))
@@ -115,3 +115,26 @@ def test_circles_begin_and_end_at_rest():
     was = np.array(LIGHTS["directional"].direction)
     cosine = was @ turned / np.linalg.norm(was) / np.linalg.norm(turned)
     assert 1 < np.degrees(np.arccos(cosine)) < 5
+
+
+def test_a_spot_that_turns_gets_a_frame_of_its_own():
+    """Its cone is where it points to now; one that only moves keeps its rectangles."""
+    spot = LIGHTS["spot"]
+    first = kept_light_frame(None, spot, floor(0.0), BOUNDS)
+    turned = replace(spot, direction=(0.3, 0.0, -1.0))
+    found = kept_light_frame(first, turned, floor(0.0), BOUNDS)
+    np.testing.assert_allclose(found.cone_axis, np.array([0.3, 0.0, -1.0]) / np.hypot(0.3, 1.0))
+    assert in_domain(found, floor(0.0).world).all()
+    narrower = kept_light_frame(first, replace(spot, cutoff_deg=50.0), floor(0.0), BOUNDS)
+    assert narrower.cos_cutoff == pytest.approx(np.cos(np.radians(50.0)))
+    moved = kept_light_frame(first, replace(spot, position=(0.1, 0.0, 5.0)), floor(0.0), BOUNDS)
+    np.testing.assert_array_equal(moved.extent, first.extent)
+
+
+@pytest.mark.parametrize("kind", LIGHTS)
+def test_a_frame_holds_all_samples_of_its_pixels(kind):
+    """Not only the first: what lies outside a frame is dark without a ray."""
+    light, eyes = LIGHTS[kind], [floor(0.0), floor(0.4, 0.3), floor(-0.2)]
+    for found in (light_frame(light, eyes, BOUNDS), kept_light_frame(None, light, eyes, BOUNDS)):
+        assert all(in_domain(found, eye.world).all() for eye in eyes)
+    assert not in_domain(light_frame(light, eyes[0], BOUNDS), eyes[1].world).all()

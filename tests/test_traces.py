@@ -80,7 +80,7 @@ def traced_on_a_walk(start: float, memory: int):
     """What is traced after the warm-up of a walk along the ground, and how many nodes
     each of the other updates made. `memory` must be new: traces are kept by size."""
     steps = [(start + x, 0.1, 0.0) for x in np.cumsum(STRIDES)]
-    cases = walk("a4_disc_light", SIZE, steps, fov_deg=140.0)
+    cases = walk("a4_disc_light", SIZE, steps, fov_deg=140.0, direction=(0.0, 0.0, -1.0))
     adaptive = AdaptiveShadowMap(
         memory_bytes=memory, node_resolution=8, start_resolution=32, cost_model=MODEL
     )

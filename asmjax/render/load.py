@@ -20,7 +20,7 @@ from asmjax.render.sensors import plugin_names, read_sensors
 from asmjax.render.truth import ShadowRays
 from asmjax.render.variant import activate
 from asmjax.scene.builtin import BUILTIN, is_builtin, load_builtin
-from asmjax.scene.lights import kept_light_frame, light_frame
+from asmjax.scene.lights import Eyes, kept_light_frame, light_frame
 from asmjax.scene.spec import (
     Disk,
     LightSpec,
@@ -105,12 +105,12 @@ class Scene:
         others = [i for i in range(len(shapes)) if i != lamp]
         return MitsubaRays(self._mi, scene, others, self.geometry, self._instancing)
 
-    def light_frame(self, eye: EyeBuffer, light: str | int | None = None) -> LightFrame:
-        """The light frame that serves the eye's receivers."""
+    def light_frame(self, eye: Eyes, light: str | int | None = None) -> LightFrame:
+        """The light frame that serves the receivers of the eye, or of all samples of its pixels."""
         return light_frame(self.light(light), eye, self.geometry.bounds)
 
     def kept_light_frame(
-        self, previous: LightFrame | None, eye: EyeBuffer, light: str | int | None = None
+        self, previous: LightFrame | None, eye: Eyes, light: str | int | None = None
     ) -> LightFrame:
         """`previous` while it serves the eye's receivers; see `asmjax.scene.lights`."""
         return kept_light_frame(previous, self.light(light), eye, self.geometry.bounds)

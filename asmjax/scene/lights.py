@@ -1,5 +1,6 @@
 """From a light and a view to the light frame that serves them."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -22,24 +23,29 @@ KEPT_MARGIN = 0.25
 """A frame that is to be kept grows by this fraction, so that the next views fit into it too."""
 
 
-def light_frame(light: LightSpec, eye: EyeBuffer, bounds: np.ndarray) -> LightFrame:
+Eyes = EyeBuffer | Sequence[EyeBuffer]
+"""What a frame is fitted to: one image, or the samples of each pixel."""
+
+
+def light_frame(light: LightSpec, eye: Eyes, bounds: np.ndarray) -> LightFrame:
     """The frame of `light`: its fixed field of view, or fitted to the receivers the eye sees.
 
     Args:
+        eye: all samples of the pixels where there are several: what lies outside the frame is dark.
         bounds: (3, 2) float64, the scene's box, min and max per axis.
 
     Raises:
         UseError: no visible surface faces the light.
     """
     if _is_fixed(light):
-        axis = light.direction if light.direction is not None else (0.0, 0.0, -1.0)
         assert light.fov_deg is not None
-        return fixed_frame(light.position, axis, light.fov_deg, _near(bounds), light.cutoff_deg)
+        near = _near(bounds)
+        return fixed_frame(light.position, light.direction, light.fov_deg, near, light.cutoff_deg)
     return _fitted(light, _receivers(light, eye), bounds)
 
 
 def kept_light_frame(
-    previous: LightFrame | None, light: LightSpec, eye: EyeBuffer, bounds: np.ndarray
+    previous: LightFrame | None, light: LightSpec, eye: Eyes, bounds: np.ndarray
 ) -> LightFrame:
     """`previous` if it still serves: what a map keeps that outlives one view.
 
@@ -74,20 +80,25 @@ def _near(bounds: np.ndarray) -> np.float64:
     return np.float64(NEAR_FRACTION * _diagonal(bounds))
 
 
-def _receivers(light: LightSpec, eye: EyeBuffer) -> np.ndarray:
+def _receivers(light: LightSpec, eye: Eyes) -> np.ndarray:
     """World points (3, n) that the eye sees and that face the light; `UseError` without any."""
-    if light.kind == "directional":
-        to_light = -np.asarray(light.direction, np.float64)[:, None]
-    else:
-        to_light = np.asarray(light.position, np.float64)[:, None] - eye.world
-    faces_light = eye.valid & (np.einsum("in,in->n", eye.normal, to_light + 0 * eye.normal) > 0)
-    receivers = eye.world[:, faces_light]
+    eyes = [eye] if isinstance(eye, EyeBuffer) else eye
+    receivers = np.concatenate([_lit_side(light, one) for one in eyes], axis=1)
     if receivers.shape[1] == 0:
         raise UseError(
             f"light '{light.name}' shines on no surface that this view sees; choose another "
             "--light or --view."
         )
     return receivers
+
+
+def _lit_side(light: LightSpec, eye: EyeBuffer) -> np.ndarray:
+    if light.kind == "directional":
+        to_light = -np.asarray(light.direction, np.float64)[:, None]
+    else:
+        to_light = np.asarray(light.position, np.float64)[:, None] - eye.world
+    faces_light = eye.valid & (np.einsum("in,in->n", eye.normal, to_light + 0 * eye.normal) > 0)
+    return eye.world[:, faces_light]
 
 
 def _fitted(light: LightSpec, receivers: np.ndarray, bounds: np.ndarray) -> LightFrame:
@@ -111,6 +122,12 @@ def _followed(
         if np.array_equal(now.rotation, previous.rotation):
             return previous
         return replace(now, corner=previous.corner, extent=previous.extent)
+    now = _fitted(light, receivers, bounds)
+    if light.kind == "spot" and not (
+        np.array_equal(now.cone_axis, previous.cone_axis) and now.cos_cutoff == previous.cos_cutoff
+    ):
+        # Its faces turn with it: nothing of the old ones is in its place.
+        return _grown(now)
     return replace(previous, origin=np.asarray(light.position, np.float64))
 
 

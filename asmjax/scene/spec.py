@@ -196,6 +196,11 @@ class LightSpec:
                 getattr(self, name) is not None,
                 f"light '{self.name}' of kind '{self.kind}' needs '{name}'; give it.",
             )
+        require(
+            self.fov_deg is None or self.kind == "directional" or self.direction is not None,
+            f"light '{self.name}' has a field of view ({self.fov_deg} degrees) around no direction; "
+            "give it one, or no field of view.",
+        )
         numbers = [x for v in (self.position, self.direction) if v is not None for x in v]
         require(
             all(math.isfinite(x) for x in numbers),
