@@ -1,5 +1,6 @@
 """What the protocol promises in a word each: jit with a state, ownership, curved shapes."""
 
+import time
 from functools import partial
 
 import jax
@@ -120,3 +121,17 @@ def test_a_light_all_around_lights_every_wall():
             from_crease = 1 - np.sort(np.abs(eye.world), axis=0)[1]
             assert (from_crease[dark] < 2 * 2 / 64).all()
             assert dark.mean() < 0.1
+
+
+@pytest.mark.parametrize("algorithm", ALGORITHMS, ids=lambda a: a.name)
+def test_seconds_are_all_the_time_that_a_build_takes(algorithm):
+    """Nothing is left out: the stages together are the wall time but for a tenth."""
+    case = analytic_case("a4_disc_light", 160)
+    algorithm.build(case.eye, case.frame, case.rays)
+    shares = []
+    for _ in range(3):
+        start = time.perf_counter()
+        state = jax.block_until_ready(algorithm.build(case.eye, case.frame, case.rays))
+        wall = time.perf_counter() - start
+        shares.append(sum(algorithm.cost(state).seconds.values()) / wall)
+    assert 0.9 < max(shares) <= 1.0

@@ -106,6 +106,7 @@ class Refiner:
         self.settings, self.shape, self.tree, self.pool = settings, shape, tree, pool
         self.cost_model, self.log, self.view = cost_model, log, view
         self.frame, self.rays, self.start = frame, rays, start
+        self.before = log.build
         self.last_look = 0.0
         self.given_up = 0
         self.planted = False
@@ -124,7 +125,6 @@ class Refiner:
     def renew(self, pages: np.ndarray) -> None:
         """Cast pages again that were used lately, and give up the other ones of `pages`, and those
         that the time limit leaves no time for: nothing stale answers."""
-        began = time.perf_counter()
         pool = self.pool
         unused = pool.unused(self._oldest)
         kept = pages[~np.isin(pages, unused)]
@@ -134,7 +134,6 @@ class Refiner:
         self.given_up, kept = kept[most:].size, kept[:most]
         self.log.dropped += pool.evict(pages[~np.isin(pages, kept)])
         self.log.recast += kept.size
-        self.log.analysis += time.perf_counter() - began
         self.cast(kept)
 
     @property
@@ -287,12 +286,10 @@ class Refiner:
         wanted = requests_of(self.shape, audience, asking)
         wanted = most_profitable_first(wanted, self.cost_model)
         self.last_look = time.perf_counter() - began
-        self.log.analysis += self.last_look
         return Look(wanted, audience, analysis, asking)
 
     def _make(self, requests: Requests, replace: bool) -> int:
         """Cast and store the nodes that fit into time and memory; returns how many were made."""
-        began = time.perf_counter()
         fits = self._affordable(requests.count)
         if fits < requests.count:
             self.log.status = Status.TIME_LIMIT
@@ -303,7 +300,6 @@ class Refiner:
             self.log.status = Status.NODE_CAPACITY
         elif got.refused:
             self.log.status = Status.MEMORY_LIMIT
-        self.log.analysis += time.perf_counter() - began
         self.log.made += got.pages.size
         self.made[got.pages] = True
         self.cast(got.pages)
@@ -354,6 +350,9 @@ class Refiner:
             self.log.status = Status.TIME_LIMIT
         used = self.pool.stamp[self.pool.held()] == self.log.frame
         self.log.reused = int((used & ~self.made[self.pool.held()]).sum())
+        # All that is not casting and storing, whatever it was.
+        wall = time.perf_counter() - self.start
+        self.log.analysis += wall - (self.log.build - self.before)
 
 
 def buckets_of(side: int, capacity: int) -> tuple[int, ...]:
