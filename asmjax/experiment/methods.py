@@ -2,7 +2,7 @@
 
 import gc
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -121,5 +121,5 @@ def measure_rays(
 
 def settings_of(algorithm: ShadowAlgorithm) -> dict:
     """The documented settings of an algorithm as plain values."""
-    fields = {name: getattr(algorithm, name) for name in algorithm.__dataclass_fields__}
-    return {name: value for name, value in fields.items() if name != "cost_model"}
+    names = [field.name for field in fields(algorithm) if field.name != "cost_model"]
+    return {name: getattr(algorithm, name) for name in names}
