@@ -18,9 +18,10 @@ from typing import TYPE_CHECKING
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
+    from asmjax.analyze_job import analyse_scene, run_analysis
     from asmjax.errors import UseError
     from asmjax.main_job import measure_scene, run_main_job
-    from asmjax.options import RunOptions
+    from asmjax.options import AnalyzeOptions, RunOptions
     from asmjax.render.load import Scene, load_scene
     from asmjax.scene import list_scenes
     from asmjax.shadow import (
@@ -33,12 +34,14 @@ if TYPE_CHECKING:
         Status,
         SubdividedShadowMap,
         TrapezoidalShadowMap,
+        TunedShadowMap,
         UniformShadowMap,
     )
     from asmjax.walkthrough_job import Walk, measure_walkthrough, run_walkthrough
 
 _HOME = {
     "AdaptiveShadowMap": "asmjax.shadow",
+    "AnalyzeOptions": "asmjax.options",
     "LightSpaceShadowMap": "asmjax.shadow",
     "LogarithmicShadowMap": "asmjax.shadow",
     "PartitionedShadowMap": "asmjax.shadow",
@@ -49,19 +52,23 @@ _HOME = {
     "Status": "asmjax.shadow",
     "SubdividedShadowMap": "asmjax.shadow",
     "TrapezoidalShadowMap": "asmjax.shadow",
+    "TunedShadowMap": "asmjax.shadow",
     "UniformShadowMap": "asmjax.shadow",
     "UseError": "asmjax.errors",
     "Walk": "asmjax.walkthrough_job",
+    "analyse_scene": "asmjax.analyze_job",
     "list_scenes": "asmjax.scene",
     "load_scene": "asmjax.render.load",
     "measure_scene": "asmjax.main_job",
     "measure_walkthrough": "asmjax.walkthrough_job",
+    "run_analysis": "asmjax.analyze_job",
     "run_main_job": "asmjax.main_job",
     "run_walkthrough": "asmjax.walkthrough_job",
 }
 
 __all__ = [
     "AdaptiveShadowMap",
+    "AnalyzeOptions",
     "LightSpaceShadowMap",
     "LogarithmicShadowMap",
     "PartitionedShadowMap",
@@ -72,13 +79,16 @@ __all__ = [
     "Status",
     "SubdividedShadowMap",
     "TrapezoidalShadowMap",
+    "TunedShadowMap",
     "UniformShadowMap",
     "UseError",
     "Walk",
+    "analyse_scene",
     "list_scenes",
     "load_scene",
     "measure_scene",
     "measure_walkthrough",
+    "run_analysis",
     "run_main_job",
     "run_walkthrough",
 ]

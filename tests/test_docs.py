@@ -1,5 +1,6 @@
 """Documents that promise a row per thing keep the promise, and what they show runs."""
 
+import inspect
 import re
 import runpy
 import sys
@@ -8,25 +9,46 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from asmjax.shadow import ALGORITHMS
+from asmjax.errors import UseError
+from asmjax.shadow import ALGORITHMS, choosing
 
 ROOT = Path(__file__).parents[1]
+CHOOSING = ROOT / "docs/choosing.md"
 
 
 @pytest.mark.parametrize("family", ALGORITHMS)
 def test_every_algorithm_has_a_row_in_the_table_of_choice(family):
-    """The comparison table names class, family and reference of every registered algorithm."""
+    """The comparison table names class, family, reference and settings of every registered
+    algorithm."""
     algorithm = ALGORITHMS[family]
     row = next(
         line
-        for line in (ROOT / "docs/choosing.md").read_text(encoding="utf-8").splitlines()
+        for line in CHOOSING.read_text(encoding="utf-8").splitlines()
         if line.startswith(f"| `{algorithm.__name__}` (`{family}`)")
     )
     author = re.split(r"[ ,]", algorithm.reference)[0]
     year = re.findall(r"\b\d{4}\b", algorithm.reference)[0]
     assert author in row
     assert year in row
+    assert all(f"`{name}`" in row for name in inspect.signature(algorithm).parameters)
     assert algorithm.__name__.lower().startswith(family.replace("-", ""))
+
+
+def test_the_table_of_choice_is_up_to_date():
+    """As the code writes it: `python -m asmjax.shadow.choosing docs/choosing.md`."""
+    page = CHOOSING.read_text(encoding="utf-8")
+    assert page == choosing.written_into(page)
+    assert "`slide` 0," in page and "`across` perspective" in page
+
+
+def test_an_algorithm_without_words_is_refused(monkeypatch):
+    """And so are words without an algorithm, and a page without markers."""
+    monkeypatch.setitem(choosing.ALGORITHMS, "newest", ALGORITHMS["uniform"])
+    with pytest.raises(UseError, match="newest: .* give each registered family a row"):
+        choosing.table()
+    monkeypatch.delitem(choosing.ALGORITHMS, "newest")
+    with pytest.raises(UseError, match="put the lines"):
+        choosing.written_into("# Which shadow algorithm?\n")
 
 
 @pytest.mark.parametrize("folder", ["notebooks", "experiments", "analysis"])

@@ -19,6 +19,8 @@ from helpers.analytic_cases import (
     random_rotation,
 )
 from helpers.counting import CountingRays
+from helpers.made_for import MADE, avenue
+from helpers.made_for import TEXELS as MADE_TEXELS
 from helpers.registry import SIBLINGS, VARIANTS
 
 from asmjax.buffers import SurfacePoints
@@ -154,6 +156,28 @@ def test_no_error_away_from_edges(sibling, name):
         assert (case.edge_distance[wrong] < width[wrong]).all()
         found += wrong.sum()
     assert found, "nothing was tested"
+
+
+def wrong_pixels(sibling, light: str) -> int:
+    case = avenue(light)
+    algorithm = sibling.of_budget(MADE_TEXELS, case.frame.faces)
+    state = algorithm.build(case.eye, case.frame, case.rays)
+    return int(case.wrong(algorithm.visibility(state, case.eye.points)).sum())
+
+
+def test_every_sibling_is_made_for_something():
+    made = {type(each.sibling.of_budget(MADE_TEXELS, 1)) for each in MADE}
+    assert made | {UniformShadowMap} == set(ALGORITHMS.values())
+    assert avenue("lamp").frame.faces == 5
+
+
+@pytest.mark.parametrize("made", MADE, ids=lambda made: made.name)
+def test_each_sibling_beats_the_uniform_map_on_what_it_is_made_for(made):
+    """Fewer wrong pixels with as many bytes, where depths run from 1.3 to 100 (`helpers.made_for`);
+    truth is a float64 shadow ray for each pixel."""
+    flat = wrong_pixels(SIBLINGS[0], made.light)
+    assert flat > 100, "nothing was tested"
+    assert wrong_pixels(made.sibling, made.light) <= made.most * flat
 
 
 @pytest.mark.parametrize("name", ["a1_square", "a5_half_plane", "a8_slabs"])

@@ -81,7 +81,7 @@ class Chart:
         face, to_chart, log, depths: as in `Charts`.
         lines: up to four of them.
         error: what its texels are in proportion to along s and t, in any one unit: the larger, the
-            more of the map it gets (Lloyd et al. 2006, equation 6).
+            more of the map it gets (TR05-024, equation 6).
     """
 
     face: int

@@ -11,6 +11,7 @@ from asmjax.shadow.warped import (
     PerspectiveShadowMap,
     SubdividedShadowMap,
     TrapezoidalShadowMap,
+    TunedShadowMap,
 )
 
 __all__ = [
@@ -28,6 +29,7 @@ __all__ = [
     "PerspectiveShadowMap",
     "SubdividedShadowMap",
     "TrapezoidalShadowMap",
+    "TunedShadowMap",
     "UniformShadowMap",
     "calibrate",
     "preset",

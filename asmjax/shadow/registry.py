@@ -10,6 +10,7 @@ from asmjax.shadow.warped import (
     PerspectiveShadowMap,
     SubdividedShadowMap,
     TrapezoidalShadowMap,
+    TunedShadowMap,
 )
 
 ALGORITHMS: dict[str, type[ShadowAlgorithm]] = {
@@ -21,5 +22,6 @@ ALGORITHMS: dict[str, type[ShadowAlgorithm]] = {
     "logarithmic": LogarithmicShadowMap,
     "partitioned": PartitionedShadowMap,
     "subdivided": SubdividedShadowMap,
+    "tuned": TunedShadowMap,
 }
 """Family name, with which the names of its results begin, to class."""

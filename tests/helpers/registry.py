@@ -16,6 +16,7 @@ from asmjax.shadow import (
     ShadowAlgorithm,
     SubdividedShadowMap,
     TrapezoidalShadowMap,
+    TunedShadowMap,
     UniformShadowMap,
 )
 from asmjax.shadow.comparison import Compare, texel_bytes
@@ -115,6 +116,7 @@ SIBLINGS = (
     charted("logarithmic", LogarithmicShadowMap, {"ratio": 1.0}),
     charted("partitioned", PartitionedShadowMap, {"partitions": 1}),
     charted("subdivided", SubdividedShadowMap, {"parts": 0}),
+    charted("tuned", TunedShadowMap, {"partitions": 1, "warp": "none"}),
 )
 
 VARIANTS = (

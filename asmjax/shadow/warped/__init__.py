@@ -6,6 +6,7 @@ from asmjax.shadow.warped.logarithmic import LogarithmicShadowMap
 from asmjax.shadow.warped.perspective import PerspectiveShadowMap
 from asmjax.shadow.warped.subdivided import SubdividedShadowMap
 from asmjax.shadow.warped.trapezoidal import TrapezoidalShadowMap
+from asmjax.shadow.warped.tuned import TunedShadowMap
 from asmjax.shadow.warped.z_partition import PartitionedShadowMap
 
 __all__ = [
@@ -17,4 +18,5 @@ __all__ = [
     "PerspectiveShadowMap",
     "SubdividedShadowMap",
     "TrapezoidalShadowMap",
+    "TunedShadowMap",
 ]

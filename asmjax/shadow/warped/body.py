@@ -1,11 +1,12 @@
 """What the eye sees, as the light's image holds it: the body that maps are fitted to."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from asmjax.buffers import EyeBuffer
-from asmjax.geometry import LightFrame
+from asmjax.geometry import Camera, LightFrame
 from asmjax.numerics import dot
 
 STILL = 0.02
@@ -22,6 +23,9 @@ class Body:
         plane: (2, m) float64 plane coordinates of the receivers, see `LightFrame`.
         eye_depth, light_depth: (m,) float64 axial depths, scene units.
         axis: (2,) unit vector: where the view goes to in the plane; (0, 1) where it goes nowhere.
+        centre: the eye's own place across the axis, where rows of pixels converge: the second of
+            `turned` is what runs along it. The middle of the receivers for a lamp that has not the
+            eye in its image, before them.
         pace: eye depth per plane unit along the axis on a surface across the light rays; 0 where
             the light comes along the view. For parallel light, the sine of their angle.
         sine: of the angle between the light's rays and the view, 0 to 1.
@@ -32,6 +36,7 @@ class Body:
     eye_depth: np.ndarray
     light_depth: np.ndarray
     axis: np.ndarray
+    centre: float
     pace: float
     sine: float
 
@@ -52,19 +57,28 @@ class Body:
         """The same to the far end."""
         return self.near + float(np.ptp(self.turned[1]))
 
-    @property
+    @cached_property
     def turned(self) -> np.ndarray:
         """(2, m) the receivers' plane coordinates across and along the axis."""
-        return self.turn[:2, :2] @ self.plane
+        return np.stack([affine(row, self.plane) for row in self.turn[:2]])
 
     def part(self, which: np.ndarray) -> "Body":
-        """The body of some of the receivers; axis and pace stay."""
+        """The body of some of the receivers, a mask or their numbers; axis and pace stay."""
+        which = np.flatnonzero(which) if which.dtype == bool else which
         return replace(
             self,
-            plane=self.plane[:, which],
-            eye_depth=self.eye_depth[which],
-            light_depth=self.light_depth[which],
+            plane=self.plane.take(which, axis=1),
+            eye_depth=self.eye_depth.take(which),
+            light_depth=self.light_depth.take(which),
         )
+
+
+def affine(row: np.ndarray, plane: np.ndarray) -> np.ndarray:
+    """(m,) `row` @ (x, y, 1) of plane points (2, m).
+
+    Written out: with so few rows a threaded matrix product mostly waits for its threads.
+    """
+    return row[0] * plane[0] + row[1] * plane[1] + row[2]
 
 
 def bodies(view: EyeBuffer, frame: LightFrame) -> list[Body]:
@@ -72,18 +86,16 @@ def bodies(view: EyeBuffer, frame: LightFrame) -> list[Body]:
 
     A receiver that several faces hold belongs to the first, as everywhere.
     """
-    camera, valid = view.camera, view.valid
-    world, normal = view.world, view.normal
-    if not valid.all():
-        world, normal = world[:, valid], normal[:, valid]
-    relative = world - frame.origin[:, None]
-    towards = -relative if frame.perspective else -frame.rotation[0, 2]
-    free = dot(normal, towards) > 0
+    camera = view.camera
+    seen = np.flatnonzero(view.valid)
+    seen = seen[_faces_light(view, frame, seen)]
+    relative = [view.world[k].take(seen) - frame.origin[k] for k in range(3)]
+    free = np.ones(seen.size, bool)
     if frame.cos_cutoff > -1:
-        free &= dot(frame.cone_axis, relative) > frame.cos_cutoff * np.sqrt(dot(relative, relative))
+        free = dot(frame.cone_axis, relative) > frame.cos_cutoff * np.sqrt(dot(relative, relative))
     found = []
     for face in range(frame.faces):
-        x, y, depth = frame.rotation[face] @ relative
+        x, y, depth = (dot(axis, relative) for axis in frame.rotation[face])
         if frame.perspective:
             scale = 1 / np.where(depth > frame.near, depth, 1.0)
             x, y = x * scale, y * scale
@@ -92,14 +104,25 @@ def bodies(view: EyeBuffer, frame: LightFrame) -> list[Body]:
         mine &= (y >= top) & (y < top + height)
         free &= ~mine
         if mine.any():
-            plane = np.stack([x, y])[:, mine]
-            eye_depth = camera.rotation[2] @ world[:, mine] - camera.rotation[2] @ camera.origin
-            found.append(_body(frame, face, plane, depth[mine], eye_depth, camera.rotation[2]))
+            mine = np.flatnonzero(mine)
+            plane = np.stack([x.take(mine), y.take(mine)])
+            eye_depth = view.depth.take(seen.take(mine))
+            found.append(_body(frame, face, plane, depth.take(mine), eye_depth, camera))
     return found
 
 
-def _body(frame: LightFrame, face: int, plane, depth, eye_depth, forward) -> Body:
+def _faces_light(view: EyeBuffer, frame: LightFrame, seen: np.ndarray) -> np.ndarray:
+    """Which of the pixels `seen` (k,) have their lit side towards the light."""
+    normal = [row.take(seen) for row in view.normal]
+    if not frame.perspective:
+        return dot(-frame.rotation[0, 2], normal) > 0
+    towards = [frame.origin[k] - view.world[k].take(seen) for k in range(3)]
+    return dot(normal, towards) > 0
+
+
+def _body(frame: LightFrame, face: int, plane, depth, eye_depth, camera: Camera) -> Body:
     right, down, axis = frame.rotation[face]
+    forward = camera.rotation[2]
     if frame.perspective:
         # At the middle of what is seen, as seen from the light.
         middle, distance = plane.mean(axis=1), float(depth.mean())
@@ -113,10 +136,26 @@ def _body(frame: LightFrame, face: int, plane, depth, eye_depth, forward) -> Bod
     cosine = float(ray @ forward / np.linalg.norm(ray))
     sine = float(np.sqrt(max(0.0, 1 - cosine**2)))
     length = np.linalg.norm(going)
-    if sine < STILL or length == 0:
-        return Body(face, plane, eye_depth, depth, np.array([0.0, 1.0]), 0.0, sine)
-    towards = going / length
+    still = sine < STILL or length == 0
+    towards = np.array([0.0, 1.0]) if still else going / length
     # One plane unit along the axis, across the ray, is that far in the world at that distance.
     world = right * towards[0] + down * towards[1]
     world = world - ray * (world @ ray) / (ray @ ray)
-    return Body(face, plane, eye_depth, depth, towards, distance * float(world @ forward), sine)
+    pace = 0.0 if still else distance * float(world @ forward)
+    body = Body(face, plane, eye_depth, depth, towards, 0.0, pace, sine)
+    across, along = body.turned
+    eye = _eye_in_plane(frame, face, camera)
+    centre = 0.5 * float(across.min() + across.max())
+    if eye is not None:
+        eye_across, eye_along = body.turn[:2, :2] @ eye
+        if not frame.perspective or eye_along <= along.min():
+            centre = float(eye_across)
+    return replace(body, centre=centre)
+
+
+def _eye_in_plane(frame: LightFrame, face: int, camera: Camera) -> np.ndarray | None:
+    """Plane coordinates (2,) of the eye; None where it is not in front of a lamp's face."""
+    x, y, depth = frame.rotation[face] @ (camera.origin - frame.origin)
+    if not frame.perspective:
+        return np.array([x, y])
+    return np.array([x, y]) / depth if depth > frame.near else None

@@ -85,7 +85,8 @@ class ChartedShadowMap(ShadowAlgorithm[ChartedState]):
 
     @abc.abstractmethod
     def charts(self, view: EyeBuffer, frame: LightFrame) -> list[Chart]:
-        """The charts for a view, every visible receiver in one at least; the first one counts."""
+        """The charts for a view, every visible receiver in one at least; the first one counts.
+        None where the light reaches nothing that is seen: the map is flat then."""
 
     @abc.abstractmethod
     def most_charts(self, faces: int) -> int:
@@ -104,7 +105,9 @@ class ChartedShadowMap(ShadowAlgorithm[ChartedState]):
             "texels in all: lower --memory-mb or the resolution.",
         )
         start = time.perf_counter()
-        chosen = self.charts(view, frame)
+        chosen = self.charts(view, frame) or [
+            Chart(face, np.eye(3)) for face in range(frame.faces)
+        ]
         # Faces that light nothing that is seen get no chart, and leave their texels to nobody.
         lit = len({chart.face for chart in chosen})
         charts = laid_out(chosen, lit * self.resolution**2)
@@ -192,7 +195,7 @@ def _placed(drawn: Drawn, points, seen_from):
     along = along + dot(jnp.asarray(drawn.forward, dtype), jnp.asarray(from_eye, dtype))
     chart, found = chart_of(drawn.table, receivers, along)
     place = place_in(drawn.table, chart, points, receivers, anchor, drawn.frame.perspective)
-    return receivers, place, found
+    return receivers, place, found & place.inside
 
 
 @eqx.filter_jit

@@ -1,14 +1,14 @@
 """Homographies that lay a body into the unit square: a rectangle, or a perspective along its axis.
 
 Symbols: the axis runs away from the eye; y counts along it from the body's near end, d is the
-body's length; the warp's centre lies n before the near end. Lloyd et al. 2006 measure both in near
+body's length; the warp's centre lies n before the near end. TR05-024 measures both in near
 distances: their n and alpha - 1.
 """
 
 import numpy as np
 
 from asmjax.geometry import Chart, LightFrame, image_to_plane, plane_to_image
-from asmjax.shadow.warped.body import Body
+from asmjax.shadow.warped.body import Body, affine
 
 GROWN = 1e-4
 """The unit square holds the body and this part of its size around it."""
@@ -37,19 +37,20 @@ def perspective(
     logarithmic: bool = False,
     onto: np.ndarray | None = None,
 ) -> Chart:
-    """A perspective along the axis with its centre `n` (plane units) before the near end.
+    """A perspective along the axis with its centre `n` (plane units) before the near end, in line
+    with the eye.
 
     t runs with 1 / y', y' = y + n, and s with x / y'; `logarithmic` lets t run with log y'.
     An infinite n gives no warp: the face's rectangle. `onto` (3, 3) is an affine map of plane
     coordinates to x and y, where it is another than the body's turn; x = 0 is its middle then.
     """
     turn = body.turn if onto is None else onto
-    x, y = turn[:2, :2] @ body.plane + turn[:2, 2:]
+    x, y = body.turned if onto is None else (affine(row, body.plane) for row in onto[:2])
     near, length = float(y.min()), float(np.ptp(y))
     if not np.isfinite(n) or length == 0:
         return whole_face(body) if onto is None else _fitted(frame, body, turn)
     n = max(n, NEAREST * length)
-    middle = 0.5 * float(x.min() + x.max()) if onto is None else 0.0
+    middle = body.centre if onto is None else 0.0
     # Beyond its far end a warp soon reaches the horizon, so it is grown before it is bent.
     near, n = near - GROWN * min(n, length), n - GROWN * min(n, length)
     length *= 1 + 2 * GROWN
@@ -72,8 +73,8 @@ def _fitted(
 
     `along` are corner and size of what it makes of the axis, if they are known.
     """
-    x, y, w = onto @ np.vstack([body.plane, np.ones(body.plane.shape[1])])
-    lo, size = _interval(np.stack([x, y]) / w)
+    x, y, w = (affine(row, body.plane) for row in onto)
+    lo, size = _interval(x / w, y / w)
     if along is not None:
         lo[1], size[1] = along
     scale = np.diag([1 / size[0], 1 / size[1], 1.0])
@@ -81,9 +82,9 @@ def _fitted(
     return Chart(body.face, scale @ onto @ image_to_plane(frame, body.face), log)
 
 
-def _interval(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Corner and size (2,) of a rectangle around points (2, m), a little larger."""
-    lo, hi = points.min(axis=1), points.max(axis=1)
+def _interval(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Corner and size (2,) of a rectangle around points x, y (m,), a little larger."""
+    lo, hi = np.array([x.min(), y.min()]), np.array([x.max(), y.max()])
     size = np.maximum(hi - lo, 1e-9 * np.maximum(1.0, np.abs([lo, hi]).max(axis=0)))
     return (lo + hi) / 2 - size * (0.5 + GROWN), size * (1 + 2 * GROWN)
 
@@ -91,20 +92,22 @@ def _interval(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def errors_of(frame: LightFrame, chart: Chart, body: Body) -> tuple[float, float]:
     """Largest perspective error of a chart of one texel along s and along t, over its receivers.
 
-    The width of a texel's beam beside that of a pixel's beam, up to a factor that all charts share:
-    m without the projective factor (Lloyd et al. 2006, section 3).
+    The width of a texel's beam beside that of a pixel's beam, m without the projective factor
+    (TR05-024, section 3), up to the pixels' focal length and, as there, without the cosines of the
+    angles off the image's middle.
     """
     some = np.linspace(0, body.eye_depth.size - 1, min(body.eye_depth.size, MEASURED)).astype(int)
+    plane = body.plane.take(some, axis=1)
     onto = chart.to_chart @ plane_to_image(frame, body.face)
-    x, y, w = onto @ np.vstack([body.plane[:, some], np.ones(some.size)])
+    x, y, w = (affine(row, plane) for row in onto)
     t = y / w
     back = image_to_plane(frame, body.face) @ np.linalg.inv(chart.to_chart)
-    scale = back[2] @ np.stack([x / w, t, np.ones_like(t)])
+    scale = affine(back[2], np.stack([x / w, t]))
     # dt of the homography for dt of the chart: the logarithm's derivative.
     pace = (1 + chart.log * t) * np.log1p(chart.log) / chart.log if chart.log else np.ones_like(t)
     found = []
     for i, stretch in enumerate((np.ones_like(t), pace)):
-        step = (back[:2, i, None] - body.plane[:, some] * back[2, i]) / scale * stretch
-        beam = np.hypot(*step) * (body.light_depth[some] if frame.perspective else 1.0)
-        found.append(float((beam / body.eye_depth[some]).max()))
+        step = (back[:2, i, None] - plane * back[2, i]) / scale * stretch
+        beam = np.hypot(*step) * (body.light_depth.take(some) if frame.perspective else 1.0)
+        found.append(float((beam / body.eye_depth.take(some)).max()))
     return found[0], found[1]

@@ -11,7 +11,7 @@ import numpy as np
 
 from asmjax.buffers import EyeBuffer
 from asmjax.geometry import LightFrame, image_to_plane
-from asmjax.shadow.warped.body import Body
+from asmjax.shadow.warped.body import Body, affine
 
 SIDES = 4
 
@@ -38,7 +38,10 @@ class Region:
 
     def holds(self, plane: np.ndarray) -> np.ndarray:
         """Which plane points (2, m) lie inside, or a rounding outside."""
-        return np.all(self.lines[:, :2] @ plane + self.lines[:, 2:] >= -OVERLAP, axis=0)
+        held = np.ones(plane.shape[1], bool)
+        for line in self.lines:
+            held &= affine(line, plane) >= -OVERLAP
+        return held
 
     def in_image(self, frame: LightFrame, face: int) -> tuple[tuple[float, float, float], ...]:
         """The lines in image coordinates, moved outwards by the overlap."""

@@ -33,7 +33,9 @@ class LightSpaceShadowMap(ChartedShadowMap):
     compare: Compare = "depth"
     bias: float = BIAS
 
-    reference: ClassVar[str] = "Wimmer, Scherzer, Purgathofer 2004, Light Space Perspective Maps"
+    reference: ClassVar[str] = (
+        "Wimmer, Scherzer, Purgathofer 2004, Light Space Perspective Shadow Maps"
+    )
     family: ClassVar[str] = "light-space"
 
     def __check_init__(self):

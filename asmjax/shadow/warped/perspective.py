@@ -14,7 +14,7 @@ from asmjax.shadow.warped.fit import perspective
 class PerspectiveShadowMap(ChartedShadowMap):
     """Perspective shadow map: the light's image after the eye's own perspective.
 
-    The warp's centre is the eye (n = 1 near distance, u = 1, xi = +1 in Lloyd et al. 2006).
+    The warp's centre is the eye (n = 1 near distance, u = 1, xi = +1 in TR05-024).
 
     Attributes:
         resolution: texels a side, per face of the light.

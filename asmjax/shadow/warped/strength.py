@@ -50,7 +50,7 @@ def shaped_strength(gamma: float, half_view: float) -> float:
 
 
 def n_of_strength(strength: float, alpha: float) -> float:
-    """n in near distances for a warp strength xi (Lloyd et al. 2006, equation 4)."""
+    """n in near distances for a warp strength xi (TR05-024, equation 4)."""
     root = np.sqrt(alpha)
     if strength <= 0:
         u = (1 + strength) / (root + 1 - strength * (alpha - 1))

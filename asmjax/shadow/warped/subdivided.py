@@ -3,7 +3,7 @@
 A shadow beam crosses the frustum from face to face, and the narrowest pixel beams that it meets are
 where it enters or leaves on the side of the near plane. Seen from the light, those faces lie side
 by side, whatever the angle between light and view, so none needs a warp against another's direction
-(Lloyd et al. 2006, section 4).
+(TR05-024, section 4).
 """
 
 from dataclasses import replace
@@ -15,7 +15,7 @@ from asmjax.buffers import EyeBuffer
 from asmjax.errors import require
 from asmjax.geometry import Chart, LightFrame
 from asmjax.shadow.comparison import BIAS, Compare
-from asmjax.shadow.warped.body import Body, bodies
+from asmjax.shadow.warped.body import Body, affine, bodies
 from asmjax.shadow.warped.charted import ChartedShadowMap
 from asmjax.shadow.warped.fit import errors_of, perspective, rectangle, whole_face
 from asmjax.shadow.warped.frustum import SIDES, frustum_regions
@@ -72,20 +72,19 @@ class SubdividedShadowMap(ChartedShadowMap):
         """The charts of one face of the light; the last one holds what no other does."""
         if self.parts == 0:
             return [whole_face(body)]
-        charts, left = [], np.ones(body.eye_depth.size, bool)
+        charts, left = [], body
         for region in frustum_regions(view, frame, body, self.parts):
-            inside = left & region.holds(body.plane)
+            inside = region.holds(left.plane)
             if not inside.any():
                 continue
-            left &= ~inside
-            part = body.part(inside)
-            y = region.onto[1, :2] @ part.plane + region.onto[1, 2]
+            part, left = left.part(inside), left.part(~inside)
+            y = affine(region.onto[1], part.plane)
             near, far = float(y.min()), float(y.max())
             n = near * n_of_strength(self.strength, far / near) if near > 0 else np.inf
             chart = perspective(frame, part, n, onto=region.onto)
             charts.append((replace(chart, lines=region.in_image(frame, body.face)), part))
-        if left.any() or not charts:
-            rest = body.part(left) if left.any() else body
+        if left.eye_depth.size or not charts:
+            rest = left if left.eye_depth.size else body
             charts.append((rectangle(frame, rest), rest))
         charts[-1] = (replace(charts[-1][0], lines=()), charts[-1][1])
         return [replace(chart, error=errors_of(frame, chart, part)) for chart, part in charts]

@@ -16,6 +16,9 @@ from asmjax.buffers import Anchor, Receivers, SurfacePoints, double, image_rows
 from asmjax.geometry import Charts
 from asmjax.numerics import dot
 
+FEW_CHARTS = 16
+"""Up to so many, a receiver's coefficients are chosen among all; beyond, they are gathered."""
+
 
 class Exact(NamedTuple):
     """Float64 numbers as `high` + `low` in float32, which is what JAX takes by default."""
@@ -77,16 +80,21 @@ def chart_of(
 ) -> tuple[Int[Array, " n"], Bool[Array, " n"]]:
     """The first chart (n,) that holds each receiver, and whether there is one."""
     u, v = receivers.uv
-    chosen, found = jnp.zeros_like(receivers.face), jnp.zeros_like(receivers.facing)
-    for k in range(table.face.shape[0]):
-        holds = (receivers.face == table.face[k]) & ~found
-        holds &= (eye_depth >= table.depths[k, 0]) & (eye_depth < table.depths[k, 1])
-        for line in range(table.lines.shape[1]):
-            a, b, c = (table.lines[k, line, i].astype(u.dtype) for i in range(3))
+    face, depths = jnp.asarray(table.face), jnp.asarray(table.depths)
+    lines = jnp.asarray(table.lines).astype(u.dtype)
+
+    def look(k, carry):
+        chosen, found = carry
+        holds = (receivers.face == face[k]) & ~found
+        holds &= (eye_depth >= depths[k, 0]) & (eye_depth < depths[k, 1])
+        for line in range(lines.shape[1]):
+            a, b, c = (lines[k, line, i] for i in range(3))
             holds &= a * u + b * v + c >= 0
-        chosen = jnp.where(holds, k, chosen)
-        found |= holds
-    return chosen, found
+        return jnp.where(holds, k, chosen), found | holds
+
+    # Written out whole, some hundred charts take minutes to compile; by twos they are as fast.
+    none = jnp.zeros_like(receivers.face), jnp.zeros_like(receivers.facing)
+    return jax.lax.fori_loop(0, face.shape[0], look, none, unroll=2)
 
 
 class Place(NamedTuple):
@@ -96,11 +104,14 @@ class Place(NamedTuple):
         flat: (n,) int32 number of the texel that a receiver lies in.
         offset: (2, n) image offset (du, dv) from the receiver to that texel's centre.
         per_texel: (2, 2, n) image motion per texel along s and t: [k, i] is d(u, v)_k / d(s, t)_i.
+        inside: (n,) whether the chart holds the receiver, give or take a texel. Of the others
+            everything else means nothing.
     """
 
     flat: Int[Array, " n"]
     offset: Float[Array, "2 n"]
     per_texel: Float[Array, "2 2 n"]
+    inside: Bool[Array, " n"]
 
 
 def place_in(
@@ -114,9 +125,20 @@ def place_in(
     """The `Place` of each receiver in the chart that was chosen for it."""
     dtype, facing = points.position.dtype, receivers.facing
     with jax.enable_x64(True):
+        is_chart = [chart == k for k in range(table.face.shape[0])]
 
         def of(values):
-            return values[..., 0] if values.shape[-1] == 1 else values[..., chart]
+            values = jnp.asarray(values)
+            if len(is_chart) > FEW_CHARTS:
+                return values[..., chart]
+            chosen = values[..., 0]
+            if len(is_chart) > 1:
+                # Chosen one after the other, in the same loop as what follows: a gather per number
+                # takes twice as long as all the rest.
+                chosen = chosen[..., None]
+                for k, mine in enumerate(is_chart):
+                    chosen = jnp.where(mine, values[..., k, None], chosen) if k else chosen
+            return chosen
 
         image = image_rows(points, anchor, receivers.face, perspective)
         weight = jnp.where(facing, image[2], 1)
@@ -125,15 +147,18 @@ def place_in(
         log = of(table.log.doubles())
         columns, rows = (double(of(n)) for n in (table.columns, table.rows))
         across, along, scale = (row[0] * u + row[1] * v + row[2] for row in to_chart)
-        scale = jnp.where(facing, scale, 1)
-        s, t = across / scale, along / scale
+        # Beyond the warp's horizon signs are turned round.
+        ahead = facing & (scale > 0)
+        scale = jnp.where(ahead, scale, 1)
+        s, t = (jnp.where(ahead, x / scale, 0.5) for x in (across, along))
         straight = log == 0
         bent = jnp.where(straight, 1, log)
         rate = jnp.log1p(bent)
         inside = jnp.maximum(bent * t, -1 + 1e-12)
         t = jnp.where(straight, t, jnp.log1p(inside) / jnp.where(straight, 1, rate))
-        column = jnp.clip(jnp.floor(s * columns), 0, columns - 1)
-        row = jnp.clip(jnp.floor(t * rows), 0, rows - 1)
+        column, row = jnp.floor(s * columns), jnp.floor(t * rows)
+        inside = ahead & (column >= -1) & (column <= columns) & (row >= -1) & (row <= rows)
+        column, row = jnp.clip(column, 0, columns - 1), jnp.clip(row, 0, rows - 1)
         # The way back from the texel's centre, and how fast it moves there.
         s, t = (column + 0.5) / columns, (row + 0.5) / rows
         grown = jnp.exp(t * rate)
@@ -157,4 +182,5 @@ def place_in(
         jnp.asarray(of(table.first)) + index,
         jnp.stack(offset),
         jnp.stack([jnp.stack(part) for part in per_texel]),
+        inside,
     )

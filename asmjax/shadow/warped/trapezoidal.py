@@ -21,8 +21,8 @@ class TrapezoidalShadowMap(ChartedShadowMap):
 
     Attributes:
         resolution: texels a side, per face of the light.
-        focus: eye depth that the focus reaches to, scene units; None takes the median depth of what
-            is seen. Where 0.8 of the body is in focus there is no warp.
+        focus: eye depth that the focus reaches to, scene units; None takes the median place along
+            the axis of what is seen. Where 0.8 of the body is in focus there is no warp.
         compare, bias: the shadow test; see `asmjax.shadow.comparison`.
     """
 
@@ -32,7 +32,7 @@ class TrapezoidalShadowMap(ChartedShadowMap):
     bias: float = BIAS
 
     reference: ClassVar[str] = (
-        "Martin, Tan 2004, Anti-aliasing and Continuity with Trapezoidal Maps"
+        "Martin, Tan 2004, Anti-aliasing and Continuity with Trapezoidal Shadow Maps"
     )
     family: ClassVar[str] = "trapezoidal"
 

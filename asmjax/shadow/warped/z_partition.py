@@ -87,23 +87,40 @@ class PartitionedShadowMap(ChartedShadowMap):
 
     def charts(self, view: EyeBuffer, frame: LightFrame) -> list[Chart]:
         found = bodies(view, frame)
+        if not found:
+            return []
         near, far = depth_range(found, self.near, self.far)
         splits = split_depths(near, far, self.partitions, self.blend)
         # The end slabs have no outer end: nothing that is seen may be left out.
         splits[0], splits[-1] = -np.inf, np.inf
         half, charts = half_view(view), []
         for body in found:
+            slabs = []
             for least, most in zip(splits[:-1], splits[1:], strict=True):
                 which = (body.eye_depth >= least) & (body.eye_depth < most)
                 if which.any():
                     chart = self._chart(frame, body.part(which), bool(which.all()), half)
-                    charts.append(replace(chart, depths=(float(least), float(most))))
+                    slabs.append((float(least), chart))
+            charts += joined(slabs)
         return charts
 
     def _chart(self, frame: LightFrame, part: Body, whole: bool, half_view: float) -> Chart:
         if self.warp != "none":
             return perspective(frame, part, light_space_n(part, half_view, "shaped"))
         return whole_face(part) if whole else rectangle(frame, part)
+
+
+def joined(slabs: list[tuple[float, Chart]]) -> list[Chart]:
+    """The charts of one face, nearest first, from the least depth of each on to the next one's.
+
+    They leave no gap: a slab that holds no receiver in float64 may hold one in float32, such as all
+    of them where the whole view has one depth.
+    """
+    ends = [-np.inf, *(least for least, _ in slabs[1:]), np.inf]
+    return [
+        replace(chart, depths=(least, most))
+        for (_, chart), least, most in zip(slabs, ends[:-1], ends[1:], strict=True)
+    ]
 
 
 def depth_range(found: list[Body], near: float | None, far: float | None) -> tuple[float, float]:

@@ -1,0 +1,181 @@
+"""The table of docs/choosing.md: what each algorithm holds, its settings, and when to take it.
+
+Names, references, settings and defaults are read from the code; the words stand here, a row for
+each entry of the registry. `python -m asmjax.shadow.choosing docs/choosing.md` writes the table
+between the page's two markers.
+"""
+
+import sys
+from dataclasses import MISSING, fields
+from pathlib import Path
+from typing import NamedTuple
+
+from asmjax.errors import require
+from asmjax.shadow.base import ShadowAlgorithm
+from asmjax.shadow.registry import ALGORITHMS
+
+BEGIN = "<!-- begin: written by `python -m asmjax.shadow.choosing docs/choosing.md` -->"
+END = "<!-- end -->"
+
+COLUMNS = (
+    "algorithm",
+    "reference",
+    "holds",
+    "passes",
+    "settings (defaults)",
+    "weak where",
+    "choose it when",
+)
+
+
+class Words(NamedTuple):
+    """What no code says about an algorithm.
+
+    Attributes:
+        holds: what its state stores.
+        passes: launches of light rays for a view.
+        weak: where it loses its advantage.
+        choose: when it is the one to take.
+    """
+
+    holds: str
+    passes: str
+    weak: str
+    choose: str
+
+
+WORDS = {
+    "uniform": Words(
+        "N x N texels per light face: depth (4 bytes), primitive id (2 bytes), or both",
+        "1",
+        "one resolution must serve all: close-ups, grazing light, large worlds",
+        "the view never gets close, or as the baseline that everything else has to beat",
+    ),
+    "adaptive": Words(
+        "a tree of pages of R x R texels, as fine as the eye needs, within a memory limit",
+        "about 8 from nothing, one a frame while the light frame stays",
+        "very many edges at once: each needs texels, and the limit ends refinement",
+        "close-ups, uneven needs, a fixed memory budget, wide lights",
+    ),
+    "perspective": Words(
+        "N x N texels per light face after the eye's own perspective",
+        "1",
+        "light along the view; what is far gets few texels",
+        "light across the view, and what is near matters most",
+    ),
+    "light-space": Words(
+        "N x N texels, a perspective whose error is the same at both ends",
+        "1",
+        "light within half the field of view of the view's direction: no warp is left",
+        "the single warp to begin with",
+    ),
+    "trapezoidal": Words(
+        "N x N texels, 80 % of the rows up to a focus",
+        "1",
+        "as above; what lies beyond the focus",
+        "a known distance matters, such as that of a player",
+    ),
+    "logarithmic": Words(
+        "N x N texels, logarithmic along the view",
+        "1",
+        "as above",
+        "far / near is large and light comes across the view: the least error one map can have",
+    ),
+    "partitioned": Words(
+        "a chart for each of k slabs of eye depth, N x N texels in all",
+        "1",
+        "slabs overlap in the light's image: texels of surfaces that only others see are wasted",
+        "any direction of light, large far / near",
+    ),
+    "subdivided": Words(
+        "a warped chart for each face of the view's frustum and for parts of it, texels in "
+        "proportion to error",
+        "1",
+        "lamps with corners of the frustum behind them fall back to one chart a face",
+        "any direction of light, also along the view",
+    ),
+    "tuned": Words(
+        "a warped chart for each of k slabs of eye depth; warps, splits and shares of texels by "
+        "gradient from those in closed form",
+        "1",
+        "a search of its own for each view; as partitioned",
+        "a view is kept, or the least error that slabs can have is to be known",
+    ),
+}
+"""By family, in the registry's order."""
+
+RAYS = (
+    "traced rays (`rays`)",
+    "the truth",
+    "nothing",
+    "1",
+    "rays per pixel",
+    "many eye samples per pixel; no ray tracer at hand",
+    "you can afford it: on a scene that a ray tracer handles well, one shadow ray per pixel is "
+    "exact and hard to beat",
+)
+"""The last row, which is no algorithm of the registry."""
+
+
+def settings_of(algorithm: type[ShadowAlgorithm]) -> str:
+    """All settings of an algorithm with their defaults, as a cell of the table."""
+    return ", ".join(f"`{field.name}` {_default(field)}".rstrip() for field in fields(algorithm))
+
+
+def _default(field) -> str:
+    value = field.default
+    if value is MISSING:
+        return ""
+    if isinstance(value, bool):
+        return "on" if value else "off"
+    if value is None:
+        return "none"
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def table() -> str:
+    """The table in Markdown: a row for each entry of the registry, then the traced rays.
+
+    Raises:
+        UseError: an algorithm of the registry has no words, or words have no algorithm.
+    """
+    without = sorted(set(ALGORITHMS) ^ set(WORDS))
+    require(
+        not without,
+        f"{', '.join(without)}: not both in ALGORITHMS and in WORDS; give each registered family "
+        "a row of asmjax.shadow.choosing.",
+    )
+    rows = [COLUMNS, ("---",) * len(COLUMNS)]
+    for family, algorithm in ALGORITHMS.items():
+        words = WORDS[family]
+        rows.append((
+            f"`{algorithm.__name__}` (`{family}`)",
+            algorithm.reference,
+            words.holds,
+            words.passes,
+            settings_of(algorithm),
+            words.weak,
+            words.choose,
+        ))  # fmt: skip
+    return "".join(f"| {' | '.join(row)} |\n" for row in (*rows, RAYS))
+
+
+def written_into(page: str) -> str:
+    """`page` with the table between its markers.
+
+    Raises:
+        UseError: the page has not one line of each marker, in their order.
+    """
+    before, begin, rest = page.partition(f"{BEGIN}\n")
+    _, end, after = rest.partition(f"{END}\n")
+    require(
+        bool(begin and end) and BEGIN not in after,
+        f"the page has no part to write; put the lines {BEGIN} and {END} around it, once.",
+    )
+    return f"{before}{begin}\n{table()}\n{end}{after}"
+
+
+if __name__ == "__main__":
+    for name in sys.argv[1:]:
+        path = Path(name)
+        path.write_text(written_into(path.read_text(encoding="utf-8")), encoding="utf-8")
