@@ -3,8 +3,6 @@
 from math import isqrt
 
 import numpy as np
-from tr05.setting import Setting, at_size, measured_row, scene_of, setting_of
-from tr05.sizes import Analysis
 
 from asmjax.options import MEGABYTE, RunOptions
 from asmjax.preparation import calibrated
@@ -19,6 +17,15 @@ from asmjax.shadow import (
     TrapezoidalShadowMap,
     UniformShadowMap,
 )
+from tr05.setting import Setting, at_size, measured_row, scene_of, setting_of
+from tr05.sizes import Analysis
+
+KEPT = ("predicted", "measured", "edge_pixels", "edge_share")
+"""What the record keeps of each map's displacement."""
+
+LEAST_SHARE = 0.1
+"""Maps so coarse that a smaller part of the edges stands alone are left out: what is left of them
+are the odd ones."""
 
 TABLES = 20_000
 """Bytes that the tables of a map of charts take at most."""
@@ -74,9 +81,10 @@ def displacements(analysis: Analysis) -> None:
             for resolution in analysis.kept.bar(sizes.resolutions, f"{name}, {family}"):
                 numbers = measured_row(setting, make(resolution)).numbers
                 rows.append({"scene": name, "map": family, "resolution": resolution}
-                            | {key: numbers[key] for key in ("predicted", "measured")})  # fmt: skip
+                            | {key: numbers[key] for key in KEPT})  # fmt: skip
+        analysis.kept.write()
     points = [Point(row["map"], row["scene"], row["predicted"], row["measured"]) for row in rows
-              if row["predicted"] > 0]  # fmt: skip
+              if row["edge_share"] >= LEAST_SHARE and row["predicted"] > 0]  # fmt: skip
     found = analysis.record["explained"] = explained(
         np.array([p.predicted for p in points]), np.array([p.measured for p in points])
     )
@@ -90,7 +98,7 @@ def explained(predicted: np.ndarray, measured: np.ndarray) -> dict[str, float]:
     Points of no wrong pixel have no logarithm and are left out of the logarithmic ones.
     """
     some = measured > 0
-    found = {}
+    found: dict[str, float] = {"points": int(predicted.size)}
     for axes, x, y in (
         ("linear", predicted, measured),
         ("log-log", np.log(predicted[some]), np.log(measured[some])),
@@ -102,7 +110,7 @@ def explained(predicted: np.ndarray, measured: np.ndarray) -> dict[str, float]:
         for line, expected in (("identity", x), ("fitted line", slope * x + offset)):
             found[f"{axes}, {line}"] = 1 - float(((y - expected) ** 2).sum()) / spread
         found[f"{axes}, slope"] = float(slope)
-    return found | {"points": predicted.size}
+    return found
 
 
 def _setting(analysis: Analysis, name: str) -> Setting | None:

@@ -1,6 +1,13 @@
 """Figures 1 and 9 of TR05-024, measured: aliasing of the maps in an alley of 1 : 100."""
 
 import numpy as np
+
+from asmjax.experiment import Measured
+from asmjax.report.figures import RunPictures
+from asmjax.report.figures.aliasing_beside import draw_aliasing
+from asmjax.report.measured import light_parts
+from asmjax.scene.spec import ViewSpec
+from asmjax.shadow import SubdividedShadowMap, TrapezoidalShadowMap
 from tr05.setting import (
     Setting,
     at_size,
@@ -12,17 +19,10 @@ from tr05.setting import (
 )
 from tr05.sizes import Analysis
 
-from asmjax.experiment import Measured
-from asmjax.report.figures import RunPictures
-from asmjax.report.figures.aliasing_beside import draw_aliasing
-from asmjax.report.measured import light_parts
-from asmjax.scene.spec import ViewSpec
-from asmjax.shadow import SubdividedShadowMap, TrapezoidalShadowMap
-
 ALONG_DEG = 10.0
 """Angle between light and view at which warping algorithms have no axis to warp along."""
 
-HEIGHT, NEAR = 0.93, 0.9
+HEIGHT, NEAR = 0.68, 0.9
 """Eye height and near plane, metres: visible far / near is about 100 with a million triangles, as
 in figure 9. Only the railing beside the eye is cut away."""
 

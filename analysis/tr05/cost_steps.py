@@ -1,14 +1,17 @@
 """Figure 10 and table 2 of TR05-024, measured: what subdivisions cost."""
 
+from dataclasses import replace
+
 import numpy as np
+
+from asmjax.experiment import measure_rays, median_by_stage
+from asmjax.experiment.methods import queried
+from asmjax.experiment.overdraw import CasterBoxes, caster_boxes, chunks, overdraw, parts_of
+from asmjax.report.figures.aliasing_times import draw_frame_times
+from asmjax.shadow import Cost, ShadowAlgorithm, SubdividedShadowMap, TrapezoidalShadowMap
 from tr05.aliasing_steps import alley_view, short
 from tr05.setting import Setting, at_size, scene_of, setting_of
 from tr05.sizes import Analysis
-
-from asmjax.experiment import measure
-from asmjax.experiment.overdraw import CasterBoxes, caster_boxes, chunks, overdraw, parts_of
-from asmjax.report.figures.aliasing_times import draw_frame_times
-from asmjax.shadow import SubdividedShadowMap, TrapezoidalShadowMap
 
 FAMILIES = {"TSM": 0, "SSM": 1, "SSM*": 2}
 """Parts of each face by the paper's name; 0 for the trapezoidal map."""
@@ -23,27 +26,46 @@ def algorithm_of(name: str, side: int) -> TrapezoidalShadowMap | SubdividedShado
 
 
 def frame_times(analysis: Analysis) -> None:
-    """Fit, cast and query of each map from nothing, and the rays of the same frame: medians."""
+    """Fit, cast and query of each map from nothing, and the rays of the same frame: medians.
+
+    All maps take turns, so that another load on the machine meets them alike.
+    """
     sizes = analysis.sizes
     scene = scene_of(analysis, sizes.alley)
     assert scene is not None
-    setting = setting_of(scene, alley_view(scene, sizes.pixels), sizes.repeats)
+    setting = setting_of(scene, alley_view(scene, sizes.pixels))
+    shadow_rays = [scene.shadow_rays(setting.eye, setting.frame, setting.rays)]
+    maps = [(name, side, algorithm_of(name, side)) for side in sizes.sides for name in FAMILIES]
+    stages: list[list[dict[str, float]]] = [[] for _ in maps]
+    rays, texels = [], [0] * len(maps)
+    for turn in analysis.kept.bar(range(sizes.repeats + 1), "frame times"):
+        for k, (_, _, algorithm) in enumerate(maps):
+            found = measure_once(algorithm, setting)
+            texels[k] = found.rays
+            if turn:
+                stages[k].append(found.seconds)
+        traced = measure_rays(shadow_rays, [setting.eye], 1)
+        if turn:
+            rays.append(traced.cost.seconds["query"])
     rows = []
-    for side in sizes.sides:
-        for name in FAMILIES:
-            found = measure(
-                algorithm_of(name, side), [setting.eye], setting.frame, setting.rays, sizes.repeats
-            )
-            seconds = found.cost.seconds
-            stages = {"fit": seconds["analysis"], "cast": seconds["build"],
-                      "query": seconds["query"]}  # fmt: skip
-            rows.append({"name": name, "side": side, "label": f"{name} {short(side)}",
-                         "texels_cast": found.cost.rays, "seconds": stages,
-                         "total": sum(stages.values())})  # fmt: skip
-    traced = setting.truth.cost.seconds["query"]
+    for (name, side, _), times, cast in zip(maps, stages, texels, strict=True):
+        seconds = median_by_stage(times)
+        rows.append({"name": name, "side": side, "label": f"{name} {short(side)}",
+                     "texels_cast": cast, "total": sum(seconds.values()),
+                     "seconds": {"fit": seconds["analysis"], "cast": seconds["build"],
+                                 "query": seconds["query"]}})  # fmt: skip
+    traced = float(np.median(rays))
     analysis.record["figure_10"] = setting.record() | {"rows": rows, "rays": traced}
     drawn = draw_frame_times(rows, traced, f"{setting.scene.name}, {sizes.pixels}² pixels")
     analysis.kept.figure("figure_10", drawn, "time of a frame by stage")
+
+
+def measure_once(algorithm: ShadowAlgorithm, setting: Setting) -> Cost:
+    """Build from nothing and query, once; `seconds` with the query."""
+    state = algorithm.build(setting.eye, setting.frame, setting.rays)
+    cost = algorithm.cost(state)
+    _, query = queried(algorithm, state, [setting.eye], 1)
+    return replace(cost, seconds=cost.seconds | {"query": query})
 
 
 def overdrawn(analysis: Analysis) -> None:
@@ -79,6 +101,6 @@ def objects_of(setting: Setting, chunk: int) -> dict[str, CasterBoxes]:
     corners = geometry.corners(prim, shape)
     found = {"shapes": caster_boxes(corners, shape, setting.frame)}
     if found["shapes"].count < FEW_SHAPES:
-        owner = chunks(sum(corners) / 3, shape, chunk)
+        owner = chunks(np.mean(corners, axis=0), shape, chunk)
         found[f"chunks of {chunk} triangles"] = caster_boxes(corners, owner, setting.frame)
     return found

@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from tr05.sizes import SHARED, Analysis
 
 from asmjax.buffers import EyeBuffer
 from asmjax.experiment import Measured, measure, measure_rays
@@ -17,11 +16,12 @@ from asmjax.render.caster import MitsubaRays
 from asmjax.render.load import Scene, load_scene
 from asmjax.scene.spec import LightSpec, ViewSpec
 from asmjax.shadow import ShadowAlgorithm
+from tr05.sizes import SHARED, Analysis
 
 COLUMNS = """<scene version="3.0.0">
 <sensor type="perspective" id="along_the_columns">
 <float name="fov" value="50"/>
-<transform name="to_world"><lookat origin="118, 7, 14" target="40, -1, 4" up="0, 1, 0"/></transform>
+<transform name="to_world"><lookat origin="90, 7, 12" target="20, -3, 4" up="0, 1, 0"/></transform>
 </sensor>
 <emitter type="directional" id="sun"><vector name="direction" x="0.25" y="-0.5" z="0.83"/></emitter>
 <shape type="ply" id="columns">
@@ -160,9 +160,19 @@ def measured_row(setting: Setting, algorithm: ShadowAlgorithm, repeats: int = 1)
         "predicted": moved.predicted,
         "measured": moved.measured,
         "edge_pixels": moved.length,
+        "edge_share": moved.share,
+        "worst_depth": _worst_depth(eye, maps),
         **numbers.record(),
     }
     return Row(row, found.visibility, maps)
+
+
+def _worst_depth(eye: EyeBuffer, maps: AliasingMaps) -> float:
+    """Eye depth at which the perspective factor is largest, in the smallest depth that is seen."""
+    if not maps.known.any():
+        return 0.0
+    worst = int(np.nanargmax(maps.perspective))
+    return float(eye.depth[worst] / eye.depth[eye.valid].min())
 
 
 def at_size(view: ViewSpec, pixels: int) -> ViewSpec:

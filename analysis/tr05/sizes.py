@@ -45,8 +45,8 @@ class Sizes:
 QUICK = Sizes(
     depths=101, check_alphas=(1.5, 1e3), check_xis=(-1.0, 0.0, 0.6), check_parts=(1, 3),
     figure_alphas=(10.0, 1e3), most_parts=4, directions=31,
-    pixels=48, repeats=1, alley="plant:10k", sides=(32, 64), memory_mb=0.25,
-    compared=("plant:10k", "shadow_columns"), resolutions=(32, 64), overdrawn=("plant:10k",),
+    pixels=48, repeats=1, alley="plant:10k", sides=(32, 128), memory_mb=0.082,
+    compared=("plant:10k",), resolutions=(32,), overdrawn=("plant:10k",),
     chunk=100,
 )  # fmt: skip
 

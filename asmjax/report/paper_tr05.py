@@ -1,13 +1,19 @@
 """The paper TR05-024 as a report: its numbers and a reference's, our bounds, and one document.
 
 Everything here reads the record that `analysis/subdivided_shadow_maps_tr05.py` writes step by step;
-what a step did not compute is left out of the tables, and its bounds are skipped.
+what a step did not compute is left out of the tables, and its bounds are skipped. What was measured
+is in `asmjax.report.paper_tr05_measured`.
 """
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from asmjax.experiment.bounds import Bound
+from asmjax.report.paper_tr05_measured import (
+    PAPER_MEASURED,
+    measured_bounds,
+    measured_sections,
+)
 from asmjax.report.table import significant
 
 PAPER = {
@@ -15,11 +21,9 @@ PAPER = {
     "n_opt": "1 + sqrt(alpha)",
     "least_largest_g": "1 / sqrt(alpha)",
     "figure 7": "2 or 3 subdivisions bring the largest reduction in error",
-    "figure 9": {"alpha": 100, "gain": "nearly 5 times"},
-    "overdraw": {"St. Matthew": [1.16, 1.25], "Power plant": [1.67, 2.48]},
+    **PAPER_MEASURED,
 }
-"""What the paper says; its overdraw factors are without and with face subdivision (the caption of
-table 2 names them the other way round)."""
+"""What the paper says."""
 
 EXACT = 1e-12
 """Largest relative deviation of a float64 kernel from an equation as printed."""
@@ -128,7 +132,7 @@ def last_digits(text: str, value: float) -> float:
 
 def bounds_of(record: Mapping) -> list[Bound]:
     """Every requirement, with the figure that the record has for it."""
-    return [*_equation_bounds(record), *_table_bounds(record)]
+    return [*_equation_bounds(record), *_table_bounds(record), *measured_bounds(record)]
 
 
 def _equation_bounds(record: Mapping) -> Iterator[Bound]:
@@ -247,7 +251,7 @@ def gain_table(record: Mapping) -> str:
         "| --- | " + " | ".join("---:" for _ in gains) + " | --- |",
         "| error whole / error in two parts | "
         + " | ".join(f"{gain:.2f}" for gain in gains.values())
-        + f" | {PAPER['figure 9']['gain']} |",
+        + f" | {PAPER_MEASURED['figure 9']['gain']} |",
     ])  # fmt: skip
 
 
@@ -303,34 +307,38 @@ def document(record: Mapping) -> str:
     """The record as Markdown, with the figures of its folder."""
     parts = [f"# {record['title']}", f"Paper: {PAPER['source']}.\n\n`{record['command']}`"]
     words = (
-        "Largest deviations; smaller is better. Equations are those of the paper as printed, with "
-        "the errata of docs/theory.md; kernels are in u = 1/n."
+        "Smaller is better: largest deviations from the theory, and ratios of what was measured. "
+        "Equations are those of the paper as printed, with the errata of docs/theory.md; kernels "
+        "are in u = 1/n."
     )
     parts += ["## Bounds", words, bounds_table(bounds_of(record))]
-    for title, words, table, figure in (
+    for title, words, table, figures in (
         ("Figure 4: where the error is",
          "g is convex, so largest on the near or on the far plane; the least largest value, on "
          "both, is 1/sqrt(alpha) at n = 1 + sqrt(alpha).",
-         distribution_table(record), "figure_4"),
+         distribution_table(record), ("figure_4",)),
         ("Figure 7: subdividing a face",
          f"Equation 7 in units of r_p / (2 r_s tan theta); in brackets the reference's digits. The "
          f"paper: {PAPER['figure 7']}.",
-         subdivision_table(record), "figure_7"),
+         subdivision_table(record), ("figure_7",)),
         ("Figure 9: what one subdivision gains",
          "At alpha = 100. The factor of the paper needs a warp other than the best one.",
-         gain_table(record), ""),
+         gain_table(record), ()),
         ("Storage under an overhead light",
          "Texels / pixels at which no error is above 1, theta = 30°; in brackets the reference's "
          "digits.",
-         storage_table(record), ""),
+         storage_table(record), ()),
         ("Storage by light direction",
          "The same by the angle between light and view, alpha = 1000; maxima over the view volume.",
-         direction_table(record), "light_directions"),
+         direction_table(record), ("light_directions",)),
+        *measured_sections(record),
     ):  # fmt: skip
-        drawn = record["figures"].get(figure)
-        if table or drawn:
-            shown = [f"![{drawn}]({figure}.png)"] if drawn else []
+        known = record["figures"]
+        shown = [f"![{known[name]}]({name}.png)" for name in figures if name in known]
+        if table or shown:
             parts += [f"## {title}", words, *([table] if table else []), *shown]
+    skipped = [f"- {name}: {reason}" for name, reason in record.get("skipped", {}).items()]
+    parts += ["## Left out", "\n".join(skipped)] if skipped else []
     parts += ["## Steps", _steps(record)]
     return "\n\n".join(part for part in parts if part) + "\n"
 
