@@ -7,7 +7,7 @@ class that inherits the groups it needs, so notebooks and the command line use o
 
 import dataclasses
 import math
-from typing import Annotated, Literal, get_args
+from typing import Annotated, ClassVar, Literal, get_args
 
 from tyro.conf import Positional, arg
 
@@ -69,12 +69,25 @@ class WalkOptions:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
+class ComparisonOptions:
+    """Which algorithms are analysed, and under how many directions of light."""
+
+    methods: Annotated[tuple[str, ...], _named("NAME NAME ...", "all")] = ()
+    """Families of shadow algorithms, such as uniform, adaptive, light-space, subdivided; an unknown
+    name lists them all. Tracing shadow rays is always among the results."""
+
+    angles: Annotated[int, arg(metavar="COUNT")] = 7
+    """Directions of a parallel light, from 2 degrees off the view to 90 (overhead), for which the
+    errors are found again; 0 for none."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
 class LimitOptions:
     """What a shadow map may cost."""
 
     memory_mb: Annotated[float, arg(metavar="MB")] = 16.0
-    """Memory of the adaptive map with all its arrays, and of the uniform map it is compared
-    with, in MB (2^20 bytes). Never exceeded."""
+    """Memory of the adaptive map with all its arrays, never exceeded, and of the texels of each
+    other map it is compared with, in MB (2^20 bytes)."""
 
     time_limit_ms: Annotated[float | None, _named("MS", "until nothing is left to gain")] = None
     """Time to build the adaptive map, in milliseconds; calibration is not counted."""
@@ -99,7 +112,7 @@ class MeasureOptions:
     """How truth and time are measured."""
 
     samples: Annotated[int, arg(metavar="COUNT")] = 1
-    """Shadow rays per pixel of the ray-traced truth."""
+    """Samples per pixel: shadow rays of the ray-traced truth, and queries of every map."""
 
     repeats: Annotated[int, arg(metavar="COUNT")] = 3
     """Timed runs of each method after one to warm up; medians are reported."""
@@ -154,18 +167,39 @@ class RunOptions(
             look them up.
     """
 
+    command: ClassVar[str] = "run"
+    """The command's name, with which the default folder of its results begins."""
+
     def __post_init__(self):
-        _at_least(1e-6, "--memory-mb", self.memory_mb, "MB")
-        if self.time_limit_ms is not None:
-            _at_least(1e-3, "--time-limit-ms", self.time_limit_ms, "milliseconds")
-        if self.node_resolution is not None:
-            _at_least(1, "--node-resolution", self.node_resolution, "texels")
-        if self.cells is not None:
-            _at_least(1, "--cells", self.cells, "cell per side")
-        _at_least(1, "--samples", self.samples, "ray per pixel")
-        _at_least(1, "--repeats", self.repeats, "timed run")
-        _at_least(0, "--seed", self.seed, "")
+        _check_measured(self)
         _check_walk(self)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class AnalyzeOptions(
+    SceneOptions,
+    ComparisonOptions,
+    LimitOptions,
+    MapOptions,
+    MeasureOptions,
+    MachineOptions,
+    OutputOptions,
+):
+    """Options of `asmjax analyze`.
+
+    Raises:
+        UseError: as `RunOptions`.
+    """
+
+    command: ClassVar[str] = "analyze"
+
+    def __post_init__(self):
+        _check_measured(self)
+        _at_least(0, "--angles", self.angles, "directions")
+
+
+JobOptions = RunOptions | AnalyzeOptions
+"""Options of the commands that measure a scene."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -182,6 +216,20 @@ class InfoOptions:
 
     json: bool = False
     """Print JSON instead of text."""
+
+
+def _check_measured(options: JobOptions) -> None:
+    """What all commands that measure a scene ask of their numbers."""
+    _at_least(1e-6, "--memory-mb", options.memory_mb, "MB")
+    if options.time_limit_ms is not None:
+        _at_least(1e-3, "--time-limit-ms", options.time_limit_ms, "milliseconds")
+    if options.node_resolution is not None:
+        _at_least(1, "--node-resolution", options.node_resolution, "texels")
+    if options.cells is not None:
+        _at_least(1, "--cells", options.cells, "cell per side")
+    _at_least(1, "--samples", options.samples, "ray per pixel")
+    _at_least(1, "--repeats", options.repeats, "timed run")
+    _at_least(0, "--seed", options.seed, "")
 
 
 def _check_walk(options: RunOptions) -> None:

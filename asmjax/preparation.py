@@ -1,15 +1,20 @@
 """What every command that measures does first: its folder, its view, its samples, its map."""
 
 import os
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from tqdm import tqdm
 
-from asmjax.buffers import LightRays
+from asmjax.buffers import EyeBuffer, LightRays
 from asmjax.errors import UseError, require
+from asmjax.experiment import Measured, measure_rays
 from asmjax.geometry import LightFrame
-from asmjax.options import MEGABYTE, RunOptions
-from asmjax.render.load import Scene
+from asmjax.options import MEGABYTE, JobOptions
+from asmjax.render.caster import MitsubaRays
+from asmjax.render.load import Scene, load_scene
 from asmjax.scene.spec import LightSpec, ViewSpec
 from asmjax.shadow import AdaptiveShadowMap, CostModel, preset
 from asmjax.shadow.adaptive import kept_or_measured, on_this_machine
@@ -18,12 +23,68 @@ GOLDEN = (0.7548776662466927, 0.5698402909980532)
 """Steps of the R2 sequence (Roberts 2018): evenly spread points for any number of samples."""
 
 
-def results_folder(options: RunOptions) -> Path:
+Progress = Callable[[str], None]
+"""Hears the name of each step as it begins."""
+
+
+class StepBar:
+    """A `Progress` that counts the steps that ended on a bar."""
+
+    def __init__(self, bar: tqdm):
+        self._bar, self._begun = bar, False
+
+    def __call__(self, step: str) -> None:
+        if self._begun:
+            self._bar.update()
+        self._begun = True
+        self._bar.set_description(step)
+
+
+@dataclass(frozen=True, eq=False)
+class Subject:
+    """What is measured: a scene, a view of it, a light, and the rays that find its shadows.
+
+    Attributes:
+        eyes: the samples of each pixel, pixel centres first.
+        frame: of the light, for the receivers that the pixel centres see.
+        rays: of the light.
+    """
+
+    scene: Scene
+    view: ViewSpec
+    light: LightSpec
+    eyes: list[EyeBuffer]
+    frame: LightFrame
+    rays: MitsubaRays
+
+    def truth(self, repeats: int) -> Measured:
+        """The traced shadow rays of every sample."""
+        traced = [self.scene.shadow_rays(eye, self.frame, self.rays) for eye in self.eyes]
+        return measure_rays(traced, self.eyes, repeats)
+
+
+def subject_of(options: JobOptions, progress: Progress) -> Subject:
+    """What the options name, loaded and seen; two steps of progress.
+
+    Raises:
+        UseError: no such scene, view or light, or nothing is seen or lit.
+    """
+    progress("scene")
+    scene = load_scene(options.scene, options.variant)
+    view = chosen_view(scene, options)
+    light = scene.light(options.light)
+    progress("eye buffer")
+    eyes = [scene.eye(view, offset) for offset in sample_offsets(options.samples, options.seed)]
+    frame = scene.light_frame(eyes, options.light)
+    return Subject(scene, view, light, eyes, frame, scene.light_rays(options.light))
+
+
+def results_folder(options: JobOptions) -> Path:
     """Where the results go. Raises `UseError` where they cannot; makes nothing yet."""
     scene = Path(options.scene)
     # "surface:2.5m" has no suffix to cut off, and a colon does not suit every file system.
     name = scene.stem if scene.suffix.lower() == ".xml" else scene.name.replace(":", "-")
-    folder = Path(options.out or f"out/run-{name}")
+    folder = Path(options.out or f"out/{options.command}-{name}")
     check_writable(folder)
     return folder
 
@@ -54,7 +115,7 @@ def check_writable(folder: Path) -> None:
         )
 
 
-def chosen_view(scene: Scene, options: RunOptions) -> ViewSpec:
+def chosen_view(scene: Scene, options: JobOptions) -> ViewSpec:
     """The view that the options name, or the first, at the size that they name.
 
     Raises:
@@ -67,12 +128,12 @@ def chosen_view(scene: Scene, options: RunOptions) -> ViewSpec:
     return sized(scene.view(options.sensor if options.view is None else options.view), options)
 
 
-def sized(view: ViewSpec, options: RunOptions) -> ViewSpec:
+def sized(view: ViewSpec, options: JobOptions) -> ViewSpec:
     """`view` at the size that the options name, if they do."""
     return view if options.size is None else view.resized(*options.size)
 
 
-def adaptive_map(options: RunOptions) -> AdaptiveShadowMap:
+def adaptive_map(options: JobOptions) -> AdaptiveShadowMap:
     """The adaptive map of the options, not calibrated yet. Raises `UseError` as its settings do."""
     changes = {
         name: value
@@ -88,7 +149,7 @@ def adaptive_map(options: RunOptions) -> AdaptiveShadowMap:
 
 
 def calibrated(
-    scene: Scene, light: LightSpec, rays: LightRays, frame: LightFrame, options: RunOptions
+    scene: Scene, light: LightSpec, rays: LightRays, frame: LightFrame, options: JobOptions
 ) -> CostModel:
     """What casting texels costs in this scene on this machine: kept from an earlier run if that
     measured it, and if the options do not ask to measure again."""

@@ -13,7 +13,7 @@ import pytest
 from asmjax import cli
 from asmjax.cli.parse import flatten_box, parse
 from asmjax.errors import UseError
-from asmjax.options import RunOptions
+from asmjax.options import AnalyzeOptions, RunOptions
 
 
 def parsed(*words: str):
@@ -89,11 +89,28 @@ def test_every_option_arrives():
     assert changed == named, "name the new option here too"
 
 
+def test_analyze_has_the_options_of_run_but_those_of_walks():
+    own = {"methods", "angles"}
+    walk = {"frames", "motion", "keys", "object"}
+    of_run, of_analyze = (
+        {field.name: field.default for field in dataclasses.fields(options)}
+        for options in (RunOptions, AnalyzeOptions)
+    )
+    assert of_analyze.keys() == of_run.keys() - walk | own
+    assert all(of_analyze[name] == of_run[name] for name in of_analyze.keys() - own)
+    words = "analyze terrain --methods uniform light-space --angles 0 --memory-mb 2 --quiet"
+    wanted = AnalyzeOptions(
+        scene="terrain", methods=("uniform", "light-space"), angles=0, memory_mb=2.0, quiet=True
+    )
+    assert parsed(*words.split()) == wanted
+    assert parsed("analyze") == AnalyzeOptions()
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [
         ("", "Expected one of"),
-        ("runn", "Available subcommands: run, scenes, info"),
+        ("runn", "Available subcommands: run, analyze, scenes, info"),
         ("--frobnicate", "Unrecognized options"),
         ("run --szie 3 4", "Perhaps you meant: --size W H"),
         ("run --size 3", "expected INT INT, got '3'"),
@@ -112,6 +129,10 @@ def test_every_option_arrives():
         ("run --seed -1", "--seed"),
         ("run --view", "--view"),
         ("run --quiet maybe perhaps", "Unrecognized options"),
+        ("analyze --angles -1", "--angles is -1; allowed"),
+        ("analyze --angles few", "--angles"),
+        ("analyze --samples 0", "--samples is 0; allowed"),
+        ("analyze --frames 3", "Unrecognized options: --frames"),
         ("info --yaml", "--yaml"),
     ],
 )
@@ -216,6 +237,13 @@ def test_help_explains_every_option_in_groups():
         assert f"{group} options" in shown
     for unit in ("MB (2^20 bytes)", "milliseconds", "pixels", "Texels"):
         assert unit in shown
+
+
+def test_help_of_analyze_names_its_own_options():
+    shown = run_program("analyze", "--help", COLUMNS="200").stdout
+    for words in ("--methods", "--angles", "comparison options", "overhead", "(default: all)"):
+        assert words in shown, words
+    assert "--frames" not in shown
 
 
 def test_every_row_of_the_table_loads():

@@ -22,7 +22,7 @@ LAYERS = [
     {"experiment"},
     {"report"},
     {"preparation"},
-    {"main_job", "walkthrough_job"},
+    {"main_job", "walkthrough_job", "analyze_job"},
     {"cli"},
     {"__init__", "__main__"},
 ]
@@ -32,6 +32,7 @@ MAY_IMPORT_RENDER = {
     "preparation",
     "main_job",
     "walkthrough_job",
+    "analyze_job",
     "cli",
     "__init__",
     "render",

@@ -33,6 +33,13 @@ COMMANDS = {
         "asmjax.options:RunOptions",
         "asmjax.cli.run:run",
     ),
+    "analyze": Command(
+        "Perspective aliasing of all shadow algorithms at equal memory: maps and numbers of texel "
+        "beside pixel width, over light directions beside the theory, predicted and measured "
+        "displacement of shadow edges.",
+        "asmjax.options:AnalyzeOptions",
+        "asmjax.cli:analyze",
+    ),
     "scenes": Command(
         "The built-in scenes, with their views and lights.",
         "asmjax.options:ScenesOptions",
@@ -69,6 +76,18 @@ def main(arguments: list[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     return 0
+
+
+def analyze(options) -> None:
+    """`asmjax analyze`, with compiled code remembered between calls; see `asmjax.analyze_job`."""
+    from asmjax.cli.caches import enable_compilation_cache
+    from asmjax.machine import keep_freed_memory
+
+    enable_compilation_cache()
+    keep_freed_memory()
+    from asmjax.analyze_job import run_analysis
+
+    run_analysis(options)
 
 
 def load(reference: str):

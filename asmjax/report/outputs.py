@@ -23,6 +23,15 @@ WALKTHROUGH = (
 )
 """What a walkthrough writes, beside report.json."""
 
+ANALYSIS = (
+    "methods.csv",
+    "arrays.npz",
+    "aliasing.png",
+    "light_angles.png",
+    "displacement.png",
+)
+"""What `asmjax analyze` writes, beside report.json."""
+
 
 def remove(folder: Path, patterns: tuple[str, ...]) -> None:
     """Delete the files in `folder` of those names: of an earlier run, they would not belong to

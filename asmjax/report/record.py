@@ -1,6 +1,7 @@
 """Builds the record of a run, and writes it whole or not at all."""
 
 import json
+import math
 import os
 import shlex
 from collections.abc import Mapping, Sequence
@@ -58,13 +59,18 @@ def method_record(
     texels = None if effective_resolution is None else index(effective_resolution)
     return {
         "name": name,
-        "settings": dict(settings),
+        "settings": {setting: _storable(value) for setting, value in settings.items()},
         "effective_resolution": texels,
         "bytes": index(bytes),
         "rays": index(rays),
         "seconds": stages | {"total": float(seconds.get("total", sum(stages.values())))},
         "error": dict(error),
     } | adaptive
+
+
+def _storable(value):
+    """A setting as JSON can hold it: a number that is not finite becomes its name, as "inf"."""
+    return str(value) if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def run_report(

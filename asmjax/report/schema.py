@@ -1,16 +1,18 @@
 """The schemas of `report.json`, as data: the keys, their kinds, units and meanings.
 
 The validator, the documentation test and the CSV header all read these tables. Version 1 of
-`asmjax run` is "asmjax/run/1", of its walkthroughs "asmjax/walkthrough/1"; a change that could
-break a reader raises the number.
+`asmjax run` is "asmjax/run/1", of its walkthroughs "asmjax/walkthrough/1", of `asmjax analyze`
+"asmjax/aliasing/1"; a change that could break a reader raises the number.
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 from asmjax.report.keys import InvalidReport, Key, check_keys
 
 RUN_SCHEMA = "asmjax/run/1"
 WALKTHROUGH_SCHEMA = "asmjax/walkthrough/1"
+ALIASING_SCHEMA = "asmjax/aliasing/1"
 
 METHOD_KINDS = ("uniform", "adaptive", "rays")
 """What the name of a method begins with."""
@@ -212,16 +214,84 @@ WALKTHROUGH_KEYS: Mapping[str, Key] = {
     "notices": _NOTICES,
 }
 
-SCHEMAS = {RUN_SCHEMA: RUN_KEYS, WALKTHROUGH_SCHEMA: WALKTHROUGH_KEYS}
+_ALIASING = {
+    "receivers": Key("count", "pixels whose receiver a texel answers; the others do not count"),
+    "max_m": Key("amount", "largest m: texel width / pixel width in the worst direction"),
+    "p95_m": Key("amount", "95th percentile of m"),
+    "median_m": Key("amount", "median of m"),
+    "above_1": Key("fraction", "share of the receivers with m above 1"),
+    "below_1": Key("fraction", "share of the receivers with m below 1"),
+    "max_perspective": Key("amount", "largest perspective factor of m, widths of beams"),
+    "p95_perspective": Key("amount", "95th percentile of it"),
+    "wasted": Key("fraction", "share of the stored texels that answer no pixel"),
+}
+
+_DISPLACEMENT = {
+    "predicted": Key("amount", "wrong pixels per pixel of edge, from the texels' sizes"),
+    "measured": Key("amount", "wrong pixels per pixel of edge"),
+    "length": Key("amount", "of truth's edges that count, pixels"),
+    "share": Key("fraction", "of all of truth's edges: those that stand alone"),
+}
+
+_ANGLE_ERROR = {
+    "family": Key("text", "of the algorithm"),
+    "max_perspective": Key("amount", "largest perspective factor"),
+    "p95_perspective": Key("amount", "95th percentile of it"),
+    "p95_m": Key("amount", "95th percentile of m"),
+    "storage_factor": Key("amount", "texels / image pixels at which no texel is larger than one"),
+    "theory_storage_factor": Key(
+        "amount", "the theory's for the full view frustum; null where it has none", nullable=True
+    ),
+}
+
+_LIGHT_ANGLES = {
+    "alpha": Key("amount", "farthest / nearest eye depth that is seen"),
+    "half_view_deg": Key("amount", "half the horizontal field of view, degrees"),
+    "angles": Key(
+        {
+            "angle_deg": Key("amount", "between light and view direction, degrees"),
+            "methods": Key(_ANGLE_ERROR, "one entry per algorithm", each=True),
+        },
+        "one entry per direction of a parallel light",
+        each=True,
+    ),
+}
+
+ALIASING_KEYS: Mapping[str, Key] = {
+    "schema": Key("text", f'"{ALIASING_SCHEMA}"'),
+    **_HEAD,
+    "memory_limit_bytes": Key("count", "of each map's texels, bytes"),
+    "truth": _TRUTH,
+    "cost_model": replace(_COST_MODEL, nullable=True),
+    "methods": Key(
+        {
+            **_METHOD,
+            "family": Key("text", "of the algorithm, or rays; the name begins with it"),
+            "aliasing": Key(_ALIASING, "of the map over the eye's image; not of rays", False),
+            "displacement": Key(_DISPLACEMENT, "of shadow edges; not of rays", False),
+        },
+        "one entry per algorithm, rays last",
+        each=True,
+    ),
+    "light_angles": Key(_LIGHT_ANGLES, "other directions of light; null for none", nullable=True),
+    "notices": _NOTICES,
+}
+
+SCHEMAS = {
+    RUN_SCHEMA: RUN_KEYS,
+    WALKTHROUGH_SCHEMA: WALKTHROUGH_KEYS,
+    ALIASING_SCHEMA: ALIASING_KEYS,
+}
 """The keys of each kind of report."""
 
 
 def validate_report(report: object) -> None:
-    """Check a report of `asmjax run` against the keys of its schema.
+    """Check a report of `asmjax run` or `asmjax analyze` against the keys of its schema.
 
     Beyond kinds: the schema is one of `SCHEMAS`, no key is unknown, numbers are finite, method
-    names are unique and of a known kind, an adaptive method has `ADAPTIVE_KEYS`, false lit and
-    false dark add up to the misclassified, and frames count up.
+    names are unique and of a known kind (or, in an analysis, of their family), an adaptive method
+    has `ADAPTIVE_KEYS`, every analysed map its `aliasing` and `displacement`, false lit and false
+    dark add up to the misclassified, and frames count up.
 
     Raises:
         InvalidReport: with the JSON path of the first thing that is wrong.
@@ -236,20 +306,32 @@ def validate_report(report: object) -> None:
     if schema == RUN_SCHEMA:
         _check_methods(report["methods"], "methods")
         return
+    if schema == ALIASING_SCHEMA:
+        _check_analysed(report["methods"])
+        return
     for i, frame in enumerate(report["frames"]):
         if frame["frame"] != i:
             raise InvalidReport(f"frames[{i}].frame: expected {i}, got {frame['frame']}")
         _check_methods(frame["methods"], f"frames[{i}].methods")
 
 
-def _check_methods(methods: list, where: str) -> None:
+def _check_analysed(methods: list) -> None:
+    for i, method in enumerate(methods):
+        name, family = method["name"], method["family"]
+        if not name.startswith(family):
+            raise InvalidReport(f"methods[{i}].name: '{name}' must begin with '{family}'")
+        for key in ("aliasing", "displacement"):
+            if family != "rays" and key not in method:
+                raise InvalidReport(f"methods[{i}].{key}: missing, needed for a map")
+    _check_methods(methods, "methods", tuple(method["family"] for method in methods))
+
+
+def _check_methods(methods: list, where: str, kinds: tuple[str, ...] = METHOD_KINDS) -> None:
     seen = set()
     for i, method in enumerate(methods):
         path, name = f"{where}[{i}]", method["name"]
-        if not name.startswith(METHOD_KINDS):
-            raise InvalidReport(
-                f"{path}.name: '{name}' must begin with one of {', '.join(METHOD_KINDS)}"
-            )
+        if not name.startswith(kinds):
+            raise InvalidReport(f"{path}.name: '{name}' must begin with one of {', '.join(kinds)}")
         if name in seen:
             raise InvalidReport(f"{path}.name: '{name}' occurs twice")
         seen.add(name)

@@ -1,0 +1,192 @@
+"""`asmjax analyze`: how every algorithm aliases on a scene at equal memory, beside the theory."""
+
+import logging
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import Any
+
+from tqdm import tqdm
+
+from asmjax.errors import UseError, require, unknown_name
+from asmjax.experiment import Measured, measure
+from asmjax.experiment.aliasing import aliasing_maps, aliasing_numbers
+from asmjax.experiment.displacement import displacement
+from asmjax.experiment.light_angles import (
+    AngleCase,
+    angle_errors,
+    parallel_light,
+    sweep_angles,
+    view_range,
+)
+from asmjax.options import AnalyzeOptions
+from asmjax.preparation import (
+    Progress,
+    StepBar,
+    Subject,
+    adaptive_map,
+    calibrated,
+    make_folder,
+    results_folder,
+    subject_of,
+)
+from asmjax.report.analyze_files import write_analysis
+from asmjax.report.analyze_record import Analysed, AnalysisResult, LightSweep
+from asmjax.report.analyze_table import analysis_table
+from asmjax.shadow import ALGORITHMS, AdaptiveShadowMap, ShadowAlgorithm, resolution_for
+
+_log = logging.getLogger("asmjax")
+
+ADAPTIVE = "adaptive"
+"""The family whose memory, and not its resolution, is chosen."""
+
+_STEPS = 5
+"""Steps of progress besides algorithms and directions: scene, eye, truth, cost model, figures."""
+
+
+def run_analysis(options: AnalyzeOptions) -> AnalysisResult:
+    """Measure, write the results below `options.out`, and print the table.
+
+    Raises:
+        UseError: wrong options or a scene that cannot be used; nothing is written then.
+    """
+    folder = results_folder(options)
+    steps = _STEPS + len(families_of(options.methods)) + options.angles
+    with tqdm(total=steps, disable=options.quiet or None, leave=False, unit="step") as bar:
+        progress = StepBar(bar)
+        result = analyse_scene(options, progress)
+        progress("figures")
+        make_folder(folder)
+        report = write_analysis(
+            result, folder, seed=options.seed, save_arrays=options.save_arrays
+        )  # fmt: skip
+        bar.update()
+    for notice in report["notices"][len(result.notices) :]:
+        _log.warning("%s", notice)
+    if not options.quiet:
+        print(analysis_table(report["methods"]))
+        print(f"report and figures: {folder}/")
+    return result
+
+
+def analyse_scene(options: AnalyzeOptions, progress: Progress = lambda _: None) -> AnalysisResult:
+    """Everything that `asmjax analyze` measures; writes nothing. `progress` hears of each step.
+
+    An algorithm that cannot be used on the scene is left out; `left_out` of the result says why.
+
+    Raises:
+        UseError: wrong options, a scene that cannot be used, or no algorithm that can.
+    """
+    families = families_of(options.methods)
+    subject = subject_of(options, progress)
+    adaptive = adaptive_map(options)
+    if ADAPTIVE in families:
+        adaptive.tree_shape(subject.frame.faces)
+    algorithms_of(families, adaptive, subject.frame.faces)
+    progress("truth")
+    truth = subject.truth(options.repeats)
+    progress("cost model")
+    if ADAPTIVE in families:
+        model = calibrated(subject.scene, subject.light, subject.rays, subject.frame, options)
+        adaptive = replace(adaptive, cost_model=model)
+    left_out: list[str] = []
+    analysed = []
+    for family, algorithm in algorithms_of(families, adaptive, subject.frame.faces).items():
+        progress(family)
+        try:
+            analysed.append(_analysed(family, algorithm, subject, truth, options.repeats))
+        except UseError as problem:
+            left_out.append(f"{family} is left out: {problem}")
+    require(len(analysed) > 0, f"no algorithm can be used here: {'; '.join(left_out)}")
+    found = [item.family for item in analysed]
+    return AnalysisResult(
+        scene=subject.scene.name,
+        variant=subject.scene.variant,
+        notices=subject.scene.notices,
+        left_out=left_out,
+        view=subject.view,
+        light=subject.light,
+        eyes=subject.eyes,
+        frame=subject.frame,
+        truth=truth,
+        adaptive=adaptive,
+        cost_model=adaptive.cost_model,
+        analysed=analysed,
+        sweep=_sweep(found, adaptive, subject, options, left_out, progress),
+    )
+
+
+def families_of(wanted: Sequence[str]) -> list[str]:
+    """The families of those names in that order, each once; all of the registry without any.
+
+    Raises:
+        UseError: an unknown name.
+    """
+    for name in wanted:
+        if name not in ALGORITHMS:
+            raise unknown_name("method", name, ALGORITHMS, "Name others with --methods.")
+    return list(dict.fromkeys(wanted or ALGORITHMS))
+
+
+def algorithms_of(
+    families: Sequence[str], adaptive: AdaptiveShadowMap, faces: int
+) -> dict[str, ShadowAlgorithm]:
+    """An algorithm of each family, `adaptive` itself among them; the others have as many texels as
+    fit into its memory for a light of so many faces (tables of charts, some kB, not counted)."""
+    settings: dict[str, Any] = {"resolution": resolution_for(adaptive.memory_bytes, faces)}
+    return {
+        family: adaptive if family == ADAPTIVE else ALGORITHMS[family](**settings)
+        for family in families
+    }
+
+
+def _analysed(
+    family: str, algorithm: ShadowAlgorithm, subject: Subject, truth: Measured, repeats: int
+) -> Analysed:
+    eye, frame = subject.eyes[0], subject.frame
+    measured = measure(algorithm, subject.eyes, frame, subject.rays, repeats)
+    maps = aliasing_maps(algorithm, measured.state, eye, frame)
+    return Analysed(
+        family=family,
+        algorithm=algorithm,
+        measured=measured,
+        maps=maps,
+        numbers=aliasing_numbers(maps, measured.cost.texels),
+        displacement=displacement(truth.visibility, measured.visibility, eye, maps),
+    )
+
+
+def _sweep(
+    families: Sequence[str],
+    adaptive: AdaptiveShadowMap,
+    subject: Subject,
+    options: AnalyzeOptions,
+    left_out: list[str],
+    progress: Progress,
+) -> LightSweep | None:
+    """The same families under parallel lights; None without any direction."""
+    if options.angles == 0:
+        return None
+    eye = subject.eyes[0]
+    algorithms = algorithms_of(families, adaptive, 1)
+    cases = _cases(subject, options, left_out, progress)
+    return LightSweep(
+        seen=view_range(eye),
+        algorithms=algorithms,
+        errors=list(angle_errors(cases, algorithms, eye, left_out)),
+    )
+
+
+def _cases(
+    subject: Subject, options: AnalyzeOptions, left_out: list[str], progress: Progress
+) -> Iterator[AngleCase]:
+    eye = subject.eyes[0]
+    for angle in sweep_angles(options.angles):
+        progress(f"light at {angle:.0f} degrees")
+        light = parallel_light(subject.light.name, eye.camera, angle)
+        scene = subject.scene.with_light(light, options.light)
+        try:
+            frame = scene.light_frame(eye, options.light)
+        except UseError as problem:
+            left_out.append(f"light at {angle:.0f} degrees is left out: {problem}")
+            continue
+        yield AngleCase(angle, frame, scene.light_rays(options.light))
