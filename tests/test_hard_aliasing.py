@@ -44,13 +44,15 @@ def built(sibling, name):
 
 def test_the_views_are_what_they_are_named():
     faces = {name: hard_view(name).frame.faces for name in HARD_VIEWS}
-    assert faces.pop("light in the image") == 5 and set(faces.values()) == {1}
+    assert faces.pop("light in the image") == 3 and set(faces.values()) == {1}
     depth = {name: hard_view(name).eye.depth[hard_view(name).judged] for name in HARD_VIEWS}
     assert depth["one pixel"].size == 1 and depth["sky"].size == 0
     assert np.ptp(depth["one depth"]) < 1e-12
     assert depth["range of 1e8"].max() == pytest.approx(1e8 * depth["range of 1e8"].min())
-    for name, lit in (("inside, dark", 0), ("light at the eye", 737), (list(UNLIT)[1], 0)):
-        assert hard_view(name).expected.sum() == lit
+    eye = hard_view("light at the eye")
+    np.testing.assert_array_equal(eye.expected, eye.judged)
+    for name in ("inside, dark", *UNLIT):
+        assert not hard_view(name).expected.any()
     for name, sign in (("light along the view", 1), ("light against the view", -1)):
         case = hard_view(name)
         forward = case.eye.camera.rotation[2]
@@ -140,11 +142,11 @@ def test_slabs_meet():
 
 
 def test_subdivisions_that_hold_nothing_get_no_chart():
-    """Of the most parts, on five faces of a lamp, few hold receivers; all of these are served."""
+    """Of the most parts, on three faces of a lamp, few hold receivers; all of these are served."""
     case = hard_view("light in the image")
     algorithm = SubdividedShadowMap(128, parts=8)
     charts = algorithm.charts(case.eye, case.frame)
-    assert 5 <= len(charts) < algorithm.most_charts(5) / 2
+    assert 3 <= len(charts) < algorithm.most_charts(3) / 2
     state = algorithm.build(case.eye, case.frame, case.rays)
     lit = algorithm.visibility(state, case.eye.points)
     assert case.error(lit) <= WRONG and case.expected.mean() > 0.5

@@ -119,9 +119,9 @@ def test_prediction_is_the_error_of_the_built_map(name, measure, x64):
 
 
 def ref_errors(seen: Seen, layout: Layout, texels: float, splits_in_bins):
-    """(n,) m by the paper's own form: z' = z - 1 + n, n in plane units, in line with the eye; loops,
-    and the derivative of the map's coordinates by central differences. For splits at the edges of
-    bins."""
+    """(n,) m by the paper's own form: z' = z - 1 + n, n in plane units, in line with the eye.
+    Loops, and derivatives of the map's coordinates by central differences. For splits at the edges
+    of bins."""
     plane, jacobian, depth = (np.asarray(a) for a in (seen.plane, seen.jacobian, seen.depth))
     place = np.asarray(bin_of(seen.depth, seen.near, seen.far))
     edges = [0, *splits_in_bins, BINS]

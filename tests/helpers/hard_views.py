@@ -1,4 +1,7 @@
-"""Views and lights at the limits of what maps are made for; all of one image size."""
+"""Views and lights at the limits of what maps are made for.
+
+Image size and numbers of faces are those of `test_siblings`, so that little is compiled for them.
+"""
 
 import functools
 from collections.abc import Callable
@@ -10,7 +13,7 @@ from asmjax.scene.spec import Disk, LightSpec, Rectangle, Sphere, ViewSpec
 from helpers.analytic_cases import Case
 from helpers.traced_cases import traced_case
 
-SIDE = 32
+SIDE = 64
 """Pixels a side."""
 
 GROUND = Rectangle("ground", (0.0, 0.0, 0.0), (10.0, 0.0, 0.0), (0.0, 10.0, 0.0))
@@ -66,8 +69,8 @@ def _near_plane() -> Case:
 
 
 def _in_the_image() -> Case:
-    """In front of the eye, in the middle of what it sees."""
-    return traced_case(SHAPES, VIEW, lamp(*_beside(VIEW, 3.0, 0.2)))
+    """In front of the eye, among what it sees, and so on several faces."""
+    return traced_case(SHAPES, VIEW, lamp(*_beside(VIEW, 2.0, 1.5)))
 
 
 def _inside_dark() -> Case:
@@ -87,8 +90,8 @@ def _one_depth() -> Case:
 
 
 def _one_pixel() -> Case:
-    x, y, z = (VIEW.origin + 4 * VIEW.camera().directions([16.5], [16.5])[:, 0]).tolist()
-    return traced_case((Disk("dot", (x, y, z), (0.0, 0.0, 1.0), 0.04),), VIEW, SUN)
+    x, y, z = (VIEW.origin + 4 * VIEW.camera().directions([32.5], [32.5])[:, 0]).tolist()
+    return traced_case((Disk("dot", (x, y, z), (0.0, 0.0, 1.0), 0.02),), VIEW, SUN)
 
 
 NEAREST = 1e-3

@@ -19,6 +19,10 @@ MEASURED = 4096
 NEAREST = 1e-6
 """The warp's centre keeps this part of the body's length from its near end."""
 
+BLUR = 1e-6
+"""Receivers are at float32 positions from the eye, this part of their depth from the body's points
+at most; no chart is narrower, lest it miss what it is for."""
+
 
 def whole_face(body: Body) -> Chart:
     """The face's own rectangle, as a flat map has it."""
@@ -41,13 +45,13 @@ def perspective(
     with the eye.
 
     t runs with 1 / y', y' = y + n, and s with x / y'; `logarithmic` lets t run with log y'.
-    An infinite n gives no warp: the face's rectangle. `onto` (3, 3) is an affine map of plane
+    An infinite n, or a body with no length, gives no warp: the face's rectangle. `onto` (3, 3) is an affine map of plane
     coordinates to x and y, where it is another than the body's turn; x = 0 is its middle then.
     """
     turn = body.turn if onto is None else onto
     x, y = body.turned if onto is None else (affine(row, body.plane) for row in onto[:2])
     near, length = float(y.min()), float(np.ptp(y))
-    if not np.isfinite(n) or length == 0:
+    if not np.isfinite(n) or length <= _blur(frame, body) * np.hypot(*turn[1, :2]):
         return whole_face(body) if onto is None else _fitted(frame, body, turn)
     n = max(n, NEAREST * length)
     middle = body.centre if onto is None else 0.0
@@ -74,7 +78,12 @@ def _fitted(
     `along` are corner and size of what it makes of the axis, if they are known.
     """
     x, y, w = (affine(row, body.plane) for row in onto)
-    lo, size = _interval(x / w, y / w)
+    x, y = x / w, y / w
+    blur = _blur(frame, body) / np.abs(w).min()
+    lo, size = np.transpose([
+        _interval(place, blur * (np.hypot(*row[:2]) + np.abs(place).max() * np.hypot(*onto[2, :2])))
+        for place, row in ((x, onto[0]), (y, onto[1]))
+    ])  # fmt: skip
     if along is not None:
         lo[1], size[1] = along
     scale = np.diag([1 / size[0], 1 / size[1], 1.0])
@@ -82,10 +91,16 @@ def _fitted(
     return Chart(body.face, scale @ onto @ image_to_plane(frame, body.face), log)
 
 
-def _interval(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Corner and size (2,) of a rectangle around points x, y (m,), a little larger."""
-    lo, hi = np.array([x.min(), y.min()]), np.array([x.max(), y.max()])
-    size = np.maximum(hi - lo, 1e-9 * np.maximum(1.0, np.abs([lo, hi]).max(axis=0)))
+def _blur(frame: LightFrame, body: Body) -> float:
+    """What plane coordinates of the receivers may be off by."""
+    depth = body.eye_depth / body.light_depth if frame.perspective else body.eye_depth
+    return BLUR * float(depth.max())
+
+
+def _interval(x: np.ndarray, least: float) -> tuple[float, float]:
+    """Start and size of an interval around numbers (m,), a little larger, and `least` at least."""
+    lo, hi = float(x.min()), float(x.max())
+    size = max(hi - lo, least)
     return (lo + hi) / 2 - size * (0.5 + GROWN), size * (1 + 2 * GROWN)
 
 

@@ -3,6 +3,7 @@
 from typing import Literal, NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -26,6 +27,10 @@ Measure = Literal["m", "perspective"]
 
 SAMPLES = 2048
 """Receivers that a layout is tuned for."""
+
+DIGITS = 12
+"""Bits that a layout is tuned with: enough for whole rows and columns. Kinks make a search's path
+depend on the last digit; with so few, a scene that is moved as a whole has the same ones."""
 
 GRAZING = 0.05
 """Receivers lit more edge-on than at this cosine do not count: a map can do nothing for them, and
@@ -113,31 +118,36 @@ def sight_of(receivers: Receivers, found: list[Body], frame: LightFrame, most: i
         part = slice(filled, filled + body.eye_depth.size)
         plane[:, part], depth[part], face[part] = body.turned, body.eye_depth, body.face
         filled = part.stop
+    extent = np.ptp(plane[:, :filled])
+    depth = rounded(depth, depth)
     near, far = (float(edge) for edge in (depth[:filled].min(), depth[:filled].max()))
-    counted = np.arange(most) < filled
-    across = axis[receivers.face].T
+    across = jnp.asarray(axis[receivers.face].T)
+    mine = [turned(across, jnp.asarray(part)) for part in (receivers.plane, receivers.jacobian)]
+    whole = rounded(plane, extent), depth, face, np.arange(most) < filled
+    some = (
+        rounded(np.asarray(mine[0]), extent),
+        rounded(np.asarray(mine[1]), np.abs(receivers.jacobian).max(axis=(0, 1))),
+        rounded(receivers.depth, receivers.depth),
+    )
     return _assembled(
-        *(jnp.asarray(part) for part in (plane, depth, face, counted, near, far, centre, pace)),
-        *(jnp.asarray(part) for part in (across, *receivers)),
+        *(jnp.asarray(part) for part in (*whole, *some, receivers.face, receivers.counts)),
+        *(jnp.asarray(part) for part in (near, far)),
+        *(jnp.asarray(part) for part in (rounded(centre, extent), rounded(pace, pace))),
     )
 
 
-@eqx.filter_jit
+def rounded(values: np.ndarray, size) -> np.ndarray:
+    """`values` to whole multiples of 2^-`DIGITS` of the power of two above `size`."""
+    _, exponent = np.frexp(size)
+    return np.ldexp(np.round(np.ldexp(values, DIGITS - exponent)), exponent - DIGITS)
+
+
+@jax.jit
 def _assembled(
-    whole, whole_depth, whole_face, counted, near, far, centre, pace,
-    axis, uv, jacobian, plane, scale, face, depth, counts, pixel,
+    whole, whole_depth, whole_face, counted,
+    plane, jacobian, depth, face, counts, near, far, centre, pace,
 ) -> Seen:  # fmt: skip
-    del uv, scale, pixel
     cell = whole_face * BINS + bin_of(whole_depth, near, far)
-    return Seen(
-        plane=turned(axis, plane),
-        jacobian=turned(axis, jacobian),
-        depth=depth,
-        face=face,
-        weight=counts.astype(depth.dtype),
-        outline=outline_of(whole, cell, counted, pace.shape[0]),
-        near=near,
-        far=far,
-        centre=centre,
-        pace=pace,
-    )
+    outline = outline_of(whole, cell, counted, pace.shape[0])
+    weight = counts.astype(depth.dtype)
+    return Seen(plane, jacobian, depth, face, weight, outline, near, far, centre, pace)

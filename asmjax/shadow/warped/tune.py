@@ -27,7 +27,11 @@ POWER = 4.0
 terrain, the plant and the paper's room taken together, and the median too (docs/theory.md)."""
 
 MAX_STEPS = 256
-"""Steps of BFGS, those that a line search takes back among them."""
+"""Steps of BFGS in each round, those that a line search takes back among them."""
+
+ROUNDS = 3
+"""Searches, each from the best of the one before: what BFGS has learnt on one side of a kink holds
+it up on the other."""
 
 TOLERANCE = 1e-5
 """A layout is at rest where a step moves logarithms of its numbers by less; far below what whole
@@ -80,19 +84,20 @@ def minimised(
     import optimistix as optx  # 0.3 s: only who tunes pays for it
 
     solver = optx.BFGS(rtol=tolerance, atol=tolerance)
-    solution = optx.minimise(lambda y, _: loss(y), solver, start, max_steps=max_steps, throw=False)
-    # One copy of the loss for both: compiling it takes longer than all of the search.
-    ends = jax.tree.map(lambda a, b: jnp.stack([a, b]), start, solution.value)
-    before, after = jax.lax.map(loss, ends)
-    improved = after < before
-    value = jax.tree.map(lambda a, b: jnp.where(improved, a, b), solution.value, start)
-    return Minimum(
-        value,
-        jnp.where(improved, after, before),
-        before,
-        improved,
-        solution.result == optx.RESULTS.successful,
-    )
+
+    def descend(best, _):
+        found = optx.minimise(lambda y, _: loss(y), solver, best, max_steps=max_steps, throw=False)
+        # One copy of the loss for both: compiling it takes longer than all of the search.
+        ends = jax.tree.map(lambda a, b: jnp.stack([a, b]), best, found.value)
+        before, after = jax.lax.map(loss, ends)
+        better = after < before
+        best = jax.tree.map(lambda a, b: jnp.where(better, a, b), found.value, best)
+        settled = found.result == optx.RESULTS.successful
+        return best, (before, jnp.where(better, after, before), better, settled)
+
+    value, rounds = jax.lax.scan(descend, start, length=ROUNDS)
+    before, after, better, settled = rounds
+    return Minimum(value, after[-1], before[0], better.any(), settled[-1])
 
 
 class Free(NamedTuple):

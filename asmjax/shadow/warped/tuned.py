@@ -17,7 +17,13 @@ from asmjax.shadow.warped.charted import ChartedShadowMap
 from asmjax.shadow.warped.fit import perspective, rectangle
 from asmjax.shadow.warped.light_space import LightSpaceShadowMap
 from asmjax.shadow.warped.predicted import Layout
-from asmjax.shadow.warped.sampled import Measure, Receivers, sampled_receivers, sight_of
+from asmjax.shadow.warped.sampled import (
+    Measure,
+    Receivers,
+    rounded,
+    sampled_receivers,
+    sight_of,
+)
 from asmjax.shadow.warped.strength import light_space_n
 from asmjax.shadow.warped.tune import POWER, Rest, tuned_layout
 from asmjax.shadow.warped.z_partition import MOST_PARTITIONS, PartitionedShadowMap, split_depths
@@ -160,7 +166,10 @@ class TunedShadowMap(ChartedShadowMap):
                     part = body.part(which)
                     u[body.face, slab] = part.near / light_space_n(part, 0.0, "sine")
         ones = np.ones((faces, k))
-        return Layout(*(jnp.asarray(part) for part in (u, splits[1:-1], ones / ones.size, ones)))
+        inner = rounded(splits[1:-1], splits[1:-1])
+        return Layout(
+            *(jnp.asarray(part) for part in (rounded(u, u), inner, ones / ones.size, ones))
+        )
 
     def _charts(self, found: list[Body], frame: LightFrame, layout: Layout) -> list[Chart]:
         """The charts of a layout, for all receivers."""
