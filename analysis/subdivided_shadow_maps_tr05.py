@@ -14,7 +14,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import jax
-from tr05 import accuracy_steps, aliasing_steps, cost_steps, theory_steps
+from tr05 import accuracy_steps, aliasing_steps, cost_steps, gradient_steps, theory_steps
 from tr05.sizes import QUICK, Analysis, Sizes
 
 from asmjax.cli.caches import enable_compilation_cache
@@ -27,6 +27,8 @@ THEORY: dict[str, Callable[[Analysis], None]] = {
     "figure 7 and equation 7": theory_steps.figure_7,
     "storage under an overhead light": theory_steps.storage,
     "storage by light direction": theory_steps.light_directions,
+    "gradients of the error": gradient_steps.gradients,
+    "optimum by gradient": gradient_steps.optimum,
 }
 """Steps in float64."""
 

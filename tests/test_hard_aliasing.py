@@ -99,14 +99,15 @@ def test_what_it_says_of_itself_is_finite(sibling, name):
 @pytest.mark.parametrize("name", UNLIT)
 @each_sibling
 def test_the_next_view_is_served_as_ever(sibling, name):
-    """After a view of nothing, that of something is as good as from the start."""
+    """After a view of nothing, that of something is nearly as good as from the start: an adaptive
+    map that follows a view looks at an eighth of its pixels."""
     case, seen = hard_view(name), base()
     algorithm = sibling.of_budget(TEXELS, 1)
     state = algorithm.build(case.eye, case.frame, case.rays)
     state = algorithm.update(state, seen.eye, seen.frame, seen.rays)
     fresh = algorithm.build(seen.eye, seen.frame, seen.rays)
     lit = [algorithm.visibility(each, seen.eye.points) for each in (state, fresh)]
-    assert seen.error(lit[0]) <= max(seen.error(lit[1]), 0.01)
+    assert seen.error(lit[0]) <= max(seen.error(lit[1]), 0.02)
 
 
 @pytest.mark.parametrize("name", UNLIT)

@@ -26,7 +26,6 @@ from helpers.registry import SIBLINGS, VARIANTS
 from asmjax.buffers import SurfacePoints
 from asmjax.experiment.traces import counted_traces
 from asmjax.geometry import in_domain, towards_light
-from asmjax.metrics import boundary_edges, boundary_length, surface_pairs
 from asmjax.shadow import ALGORITHMS, UniformShadowMap
 from asmjax.shadow.comparison import texel_bytes
 
@@ -34,7 +33,7 @@ SIDE = 64
 """Pixels a side where one build is enough: how an algorithm answers, not how well."""
 
 TEXELS = 4**7
-BUDGETS = (4**7, 4**8, 4**9)
+BUDGETS = (4**7, 4**9)
 """Texels in all, as against the 16,384 pixels of the images that error is measured in."""
 
 
@@ -123,23 +122,13 @@ def test_degenerate_settings_in_float64(sibling, x64):
 
 @each_setting
 def test_error_falls_with_the_budget(sibling, name):
-    """A larger budget is never worse than a smaller one by more than a tenth, and the largest is
-    at most half as wrong as the smallest.
-
-    Once all pixels are matched nothing more is promised than M4 does for texels of a pixel's
-    size: boundaries displaced by at most m / 4 = 1/4 pixel on average (0.35 with the scatter of
-    the some 100 boundary pixels).
-    """
+    """With 16 times the texels at most half as many pixels are wrong (a quarter, while texels are
+    wider than pixels)."""
     errors = []
     for texels in BUDGETS:
         case, algorithm, state = built(sibling, name, 128, texels)
         errors.append(case.error(algorithm.visibility(state, case.eye.points)))
-    size = case.eye.size
-    edges = boundary_edges(case.expected.reshape(size), surface_pairs(case.judged.reshape(size)))
-    matched = 0.35 * boundary_length(edges) / case.judged.sum()
-    for before, after in zip(errors, errors[1:], strict=False):
-        assert after <= max(1.1 * before, matched), errors
-    assert errors[-1] <= 0.5 * errors[0], errors
+    assert errors[1] <= 0.5 * errors[0], errors
 
 
 @each_setting
@@ -149,7 +138,7 @@ def test_no_error_away_from_edges(sibling, name):
     far above the receiver, where the bias is smaller than the gap.
     """
     found = 0
-    for texels in BUDGETS[:2]:
+    for texels in BUDGETS:
         case, algorithm, state = built(sibling, name, 128, texels)
         wrong = case.wrong(algorithm.visibility(state, case.eye.points))
         width = case.texel_width(sibling.log2_resolution(algorithm, state, case.eye.points))
@@ -224,13 +213,13 @@ def test_cost_is_what_exists_and_stays_below_the_limit(sibling, name):
 
 @each
 def test_jit_is_no_jit(sibling, name):
-    """Fused arithmetic may round a receiver on a texel's border to the other side: one in 144."""
-    _, algorithm, state = built(sibling, name)
-    points = analytic_case(name, 12).eye.points
+    """Fused arithmetic may round a receiver on a texel's border to the other side: 2 of 4,096."""
+    case, algorithm, state = built(sibling, name)
+    points = case.eye.points
     compiled = np.asarray(algorithm.visibility(state, points))
     with jax.disable_jit():
         plain = np.asarray(algorithm.visibility(state, points))
-    assert np.sum(compiled != plain) <= 1
+    assert np.sum(compiled != plain) <= 2
     assert 0 < compiled.mean() < 1
 
 
@@ -263,10 +252,18 @@ def test_one_trace_per_shape(sibling, name):
         again = algorithm.build(other.eye, other.frame, other.rays)
         algorithm.visibility(again, other.eye.points).block_until_ready()
     assert traces == []
+
+
+@each_sibling
+def test_another_number_of_points_is_another_trace(sibling):
+    """So that what is counted above is what could have been traced."""
+    name = LIGHTS[SIBLINGS.index(sibling) % 2]
+    _, algorithm, state = built(sibling, name)
+    # Sizes of their own: siblings share what they compile.
+    points = analytic_case(name, 13 + SIBLINGS.index(sibling)).eye.points
     with counted_traces() as traces:
-        # A size of its own: siblings share what they compile.
-        algorithm.visibility(state, analytic_case(name, 13 + SIBLINGS.index(sibling)).eye.points)
-    assert traces, "the counter counts nothing"
+        jax.eval_shape(lambda: algorithm.visibility(state, points))
+    assert traces
 
 
 @each
@@ -322,26 +319,31 @@ def test_float32_equals_float64(sibling, name):
 
 @each_sibling
 def test_points_that_several_faces_hold(sibling):
-    """One face over a part of the image, and a second, turned one over all of it. Every receiver
-    is served, and wrong only within a texel of an edge, on either side of the seam."""
+    """One face over a part of the image, and two others, turned, over all of it. Every receiver is
+    served, and wrong only within a texel of an edge, on either side of the seam."""
     case = analytic_case("a4_disc_light", SIDE)
-    turn = np.array([[np.cos(0.5), np.sin(0.5), 0], [-np.sin(0.5), np.cos(0.5), 0], [0, 0, 1]])
     frame, first = case.frame, case.frame.rotation[0]
     half = float(np.abs(frame.corner).max()) * 1.5
     faces = eqx.tree_at(
         lambda f: (f.rotation, f.corner, f.extent),
         frame,
         (
-            np.stack([first, turn @ first]),
-            np.stack([frame.corner[0], [-half, -half]]),
-            np.stack([frame.extent[0] * [0.5, 1.0], [2 * half, 2 * half]]),
+            np.stack([first, turned(0.5) @ first, turned(-0.3) @ first]),
+            np.stack([frame.corner[0], [-half, -half], [-half, -half]]),
+            np.stack([frame.extent[0] * [0.5, 1.0], *[[2 * half, 2 * half]] * 2]),
         ),
     )
-    algorithm = sibling.of_budget(TEXELS, 2)
+    algorithm = sibling.of_budget(TEXELS, 3)
     state = algorithm.build(case.eye, faces, case.rays)
     lit = algorithm.visibility(state, case.eye.points)
     wrong = case.wrong(lit)
     log2 = sibling.log2_resolution(algorithm, state, case.eye.points)
     # The second face is at most 1.5 * sqrt(2) times as wide as the one that `texel_width` knows.
     assert (case.edge_distance[wrong] < 2.2 * case.texel_width(log2)[wrong]).all()
-    assert case.error(lit) < 0.02
+    assert case.error(lit) < 0.025
+
+
+def turned(angle: float) -> np.ndarray:
+    """(3, 3) rotation about the third axis."""
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])

@@ -215,7 +215,9 @@ def test_limits_of_the_depth_range(dtype):
     assert found.dtype == dtype
     assert_allclose(found, [0, 0.8660254 * np.log(1e8)], rtol=2e-3, atol=1e-6)
     # Concrete, and rounded upwards: the ends of what is allowed.
-    most = jax.jit(lambda: theory.direction_storage(1e9, THETA, np.float32(np.pi), "lispsm").storage)
+    most = jax.jit(
+        lambda: theory.direction_storage(1e9, THETA, np.float32(np.pi), "lispsm").storage
+    )
     assert np.isfinite(most())
 
 

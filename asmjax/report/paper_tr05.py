@@ -177,6 +177,21 @@ def _table_bounds(record: Mapping) -> Iterator[Bound]:
         0.05,
         reason=f"at xi = 0 it is {gains['0']:.2f}" if gains else "",
     )
+    slopes = record.get("gradients", {})
+    yield Bound(
+        "gradients",
+        "log m of each receiver by xi, u, splits and light direction: derivative against central "
+        "differences, largest deviation / largest derivative",
+        max(slopes.values(), default=None),
+        1e-4,
+        reason="; ".join(f"{name} {deviation(value)}" for name, value in slopes.items()),
+    )
+    yield Bound(
+        "optimum",
+        "n of the least error found by gradient, from 1 + sqrt(alpha), relative",
+        _largest(record.get("optimum", ())),
+        1e-6,
+    )
 
 
 def _largest(rows) -> float | None:

@@ -45,8 +45,9 @@ def perspective(
     with the eye.
 
     t runs with 1 / y', y' = y + n, and s with x / y'; `logarithmic` lets t run with log y'.
-    An infinite n, or a body with no length, gives no warp: the face's rectangle. `onto` (3, 3) is an affine map of plane
-    coordinates to x and y, where it is another than the body's turn; x = 0 is its middle then.
+    An infinite n, or a body without length, gives no warp: the face's rectangle. `onto` (3, 3) is
+    an affine map of plane coordinates to x and y, where it is another than the body's turn; x = 0
+    is its middle then.
     """
     turn = body.turn if onto is None else onto
     x, y = body.turned if onto is None else (affine(row, body.plane) for row in onto[:2])

@@ -28,7 +28,7 @@ Measure = Literal["m", "perspective"]
 SAMPLES = 2048
 """Receivers that a layout is tuned for."""
 
-DIGITS = 12
+DIGITS = 14
 """Bits that a layout is tuned with: enough for whole rows and columns. Kinks make a search's path
 depend on the last digit; with so few, a scene that is moved as a whole has the same ones."""
 
