@@ -78,7 +78,10 @@ def affine(row: np.ndarray, plane: np.ndarray) -> np.ndarray:
 
     Written out: with so few rows a threaded matrix product mostly waits for its threads.
     """
-    return row[0] * plane[0] + row[1] * plane[1] + row[2]
+    result = row[0] * plane[0]
+    result += row[1] * plane[1]
+    result += row[2]
+    return result
 
 
 def bodies(view: EyeBuffer, frame: LightFrame) -> list[Body]:
