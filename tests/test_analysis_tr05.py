@@ -100,7 +100,7 @@ def test_bounds_of_measured_numbers(script):
     labels = {"TSM 1K": 50.0, "TSM 4K": 12.0, "SSM 1K": 4.0, "SSM* 1K": 2.0}
     rows = [{"label": label, "max_perspective": value} for label, value in labels.items()]
     times = [{"name": name, "side": 8, "label": name, "total": total}
-             for name, total in (("TSM", 2.0), ("SSM", 3.0), ("SSM*", 5.0))]  # fmt: skip
+             for name, total in (("TSM", 2.0), ("SSM", 5.0), ("SSM*", 6.0))]  # fmt: skip
     record = {
         "alley": {"along": {"rows": rows}},
         "figure_10": {"rows": times},

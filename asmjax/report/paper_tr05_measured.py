@@ -72,8 +72,10 @@ def _time_bound(record: Mapping) -> Bound:
     ratios = {row["label"]: ratio for row, ratio in _time_ratios(rows)}
     return Bound(
         "figure 10",
-        "time of a frame, SSM or SSM* / TSM of as many texels: the largest",
-        max(ratios.values(), default=None),
+        "time of a frame, SSM / TSM of as many texels: the largest; SSM* beside it",
+        max(
+            (ratio for label, ratio in ratios.items() if not label.startswith("SSM*")), default=None
+        ),
         PAPER_MEASURED["figure 10"]["ratio"],
         reason="; ".join(f"{label} {ratio:.2f}" for label, ratio in ratios.items()),
     )

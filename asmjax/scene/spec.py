@@ -198,8 +198,8 @@ class LightSpec:
             )
         require(
             self.fov_deg is None or self.kind == "directional" or self.direction is not None,
-            f"light '{self.name}' has a field of view ({self.fov_deg} degrees) around no direction; "
-            "give it one, or no field of view.",
+            f"light '{self.name}' has a field of view ({self.fov_deg} degrees) but no direction "
+            "that it is around; give it one, or no field of view.",
         )
         numbers = [x for v in (self.position, self.direction) if v is not None for x in v]
         require(

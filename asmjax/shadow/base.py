@@ -133,8 +133,8 @@ class ShadowAlgorithm(eqx.Module, Generic[State]):
 
     @abc.abstractmethod
     def visibility(self, state: State, points: SurfacePoints) -> Float[Array, " n"]:
-        """1 where a point is lit, 0 where it is in shadow, is not valid, or no texel answers it, as may
-        be for points that the state's view does not see."""
+        """1 where a point is lit; 0 where it is in shadow, not valid, or answered by no texel, as
+        points may be that the state's view does not see."""
 
     @abc.abstractmethod
     def density(self, state: State, points: SurfacePoints) -> Float[Array, "2 2 n"]:

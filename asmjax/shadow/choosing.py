@@ -99,7 +99,7 @@ WORDS = {
         "gradient from those in closed form",
         "1",
         "a search of its own for each view; as partitioned",
-        "a view is kept, or the least error that slabs can have is to be known",
+        "a view is kept, or it is to be known about how little error slabs can have",
     ),
 }
 """By family, in the registry's order."""

@@ -64,7 +64,8 @@ def u_lispsm(alpha: ArrayLike) -> Float[Array, "..."]:
 
 
 def u_from_xi(xi: ArrayLike, alpha: ArrayLike) -> Float[Array, "..."]:
-    """Equation 4 for u = 1/n. Continuous at xi = 0, but with a kink there.
+    """Equation 4 for u = 1/n. At xi = 0, where its branches meet, continuous with its derivative,
+    sqrt(alpha) / (1 + sqrt(alpha)); the second one jumps.
 
     xi is the largest z error on a scale from g_0 = 1/sqrt(alpha) (0) to 1: below 0 it is reached
     on the near plane, above 0 on the far plane.

@@ -105,9 +105,7 @@ class ChartedShadowMap(ShadowAlgorithm[ChartedState]):
             "texels in all: lower --memory-mb or the resolution.",
         )
         start = time.perf_counter()
-        chosen = self.charts(view, frame) or [
-            Chart(face, np.eye(3)) for face in range(frame.faces)
-        ]
+        chosen = self.charts(view, frame) or [Chart(face, np.eye(3)) for face in range(frame.faces)]
         # Faces that light nothing that is seen get no chart, and leave their texels to nobody.
         lit = len({chart.face for chart in chosen})
         charts = laid_out(chosen, lit * self.resolution**2)
