@@ -36,8 +36,9 @@ hypothesis.settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "fast"))
 
 
 SLOW_FILES = (
-    "test_siblings", "test_analysis_2001", "test_main_job", "test_walkthrough_job",
-    "test_adaptive_refine", "test_hard_aliasing", "test_blocks", "test_adaptive_pool",
+    "test_analysis_tr05", "test_siblings", "test_analyze_job", "test_analysis_2001",
+    "test_main_job", "test_walkthrough_job", "test_adaptive_refine", "test_hard_aliasing",
+    "test_predicted", "test_tuned", "test_blocks", "test_adaptive_pool",
     "test_slow_asm", "test_traces", "test_theory_storage",
 )  # fmt: skip
 """They start first, so that no worker is left with one of them at the end."""
