@@ -1,6 +1,6 @@
 """Shared by all tests: scratch caches, both precisions, seeded keys, hypothesis profiles.
 
-`HYPOTHESIS_PROFILE=ci` asks for 1,000 examples a property instead of 100.
+`HYPOTHESIS_PROFILE=ci` asks for 1,000 examples a property instead of 50.
 """
 
 import atexit
@@ -30,7 +30,7 @@ if "ASMJAX_TEST_SCRATCH" not in os.environ:
         os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} {quick}".strip()
 
 # Compilation happens inside an example, so a deadline per example would measure the compiler.
-hypothesis.settings.register_profile("fast", max_examples=100, deadline=None)
+hypothesis.settings.register_profile("fast", max_examples=50, deadline=None)
 hypothesis.settings.register_profile("ci", max_examples=1000, deadline=None)
 hypothesis.settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "fast"))
 
