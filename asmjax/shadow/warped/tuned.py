@@ -26,7 +26,12 @@ from asmjax.shadow.warped.sampled import (
 )
 from asmjax.shadow.warped.strength import light_space_n
 from asmjax.shadow.warped.tune import POWER, Rest, tuned_layout
-from asmjax.shadow.warped.z_partition import MOST_PARTITIONS, PartitionedShadowMap, split_depths
+from asmjax.shadow.warped.z_partition import (
+    MOST_PARTITIONS,
+    PartitionedShadowMap,
+    joined,
+    split_depths,
+)
 
 FARTHEST = 1e5
 """A warp's centre more lengths of its slab away than this makes a rectangle."""
@@ -188,12 +193,7 @@ class TunedShadowMap(ChartedShadowMap):
                     chart = _chart(frame, body.part(which), u * body.pace / max(nearest, least))
                     size = float(np.sqrt(share * aspect)), float(np.sqrt(share / aspect))
                     slabs.append((float(least), replace(chart, error=size)))
-            # Each reaches to the next one: rounding may put a receiver into an empty slab.
-            ends = [-np.inf, *(least for least, _ in slabs[1:]), np.inf]
-            for (_, chart), depths in zip(
-                slabs, zip(ends[:-1], ends[1:], strict=True), strict=True
-            ):
-                charts.append(replace(chart, depths=depths))
+            charts += joined(slabs)
         return charts
 
 
