@@ -1,16 +1,20 @@
 """What every command that measures does first: its folder, its view, its samples, its map."""
 
+import math
 import os
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from tqdm import tqdm
 
+from asmjax import __version__
 from asmjax.buffers import EyeBuffer, LightRays
 from asmjax.errors import UseError, require
 from asmjax.experiment import Measured, measure_rays
+from asmjax.experiment.bench import Bench
 from asmjax.geometry import LightFrame
 from asmjax.options import MEGABYTE, JobOptions
 from asmjax.render.caster import MitsubaRays
@@ -77,6 +81,54 @@ def subject_of(options: JobOptions, progress: Progress) -> Subject:
     eyes = [scene.eye(view, offset) for offset in sample_offsets(options.samples, options.seed)]
     frame = scene.light_frame(eyes, options.light)
     return Subject(scene, view, light, eyes, frame, scene.light_rays(options.light))
+
+
+def bench_of(scene: Scene, view: ViewSpec, options: JobOptions, samples: int) -> Bench:
+    """A view of a scene under the light of the options, with the shadow rays of all samples.
+
+    Raises:
+        UseError: no such light, or nothing is seen or lit.
+    """
+    light = scene.light(options.light)
+    eyes = [scene.eye(view, offset) for offset in sample_offsets(samples, options.seed)]
+    frame = scene.light_frame(eyes, options.light)
+    rays = scene.light_rays(options.light)
+    return Bench(
+        view=view.name,
+        facts=_facts(scene, view, light, samples, options.seed),
+        eyes=eyes,
+        frame=frame,
+        rays=rays,
+        traced=[scene.shadow_rays(eye, frame, rays) for eye in eyes],
+    )
+
+
+def _facts(
+    scene: Scene, view: ViewSpec, light: LightSpec, samples: int, seed: int
+) -> dict[str, Any]:
+    """What a measurement depends on besides the algorithm, as plain values."""
+    geometry = scene.geometry
+    where = on_this_machine(
+        scene.name, geometry.triangles, geometry.bounds, light.kind, scene.variant
+    )
+    facts = {
+        **asdict(where),
+        "view": asdict(view),
+        "light": asdict(light),
+        "samples": samples,
+        "seed": seed if samples > 1 else 0,
+        "version": __version__,
+    }
+    return _plain(facts)
+
+
+def _plain(value: Any) -> Any:
+    """As JSON can hold it: a number that is not finite becomes its name."""
+    if isinstance(value, dict):
+        return {name: _plain(item) for name, item in value.items()}
+    if isinstance(value, tuple | list):
+        return [_plain(item) for item in value]
+    return str(value) if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def results_folder(options: JobOptions) -> Path:

@@ -64,6 +64,10 @@ class AdaptiveShadowMap(ShadowAlgorithm[AdaptiveState]):
         pixel_share: looks during motion, and the first ones of a view at rest, take one pixel in
             this many, others in each turn; 1, 2, 4 or 8 (the paper's).
         compare, bias: the shadow test; see `asmjax.shadow.comparison`.
+        discontinuity: an edge is refined only where its caster is this far off the receiver, along
+            the receiver's normal, in parts of the receiver's depth; less than `bias` changes
+            nothing. Leaves shadows near their casters coarse.
+        least_profit: nodes that serve fewer eye pixels per second of their cost are not made.
         cover: also refine where no edge was seen: finds casters that fell between the first texels.
             First, with a quarter of the memory, until texels are 4 times a pixel's size; in later
             updates fully, with what the edges leave.
@@ -83,6 +87,8 @@ class AdaptiveShadowMap(ShadowAlgorithm[AdaptiveState]):
     pixel_share: int = 8
     compare: Compare = "both"
     bias: float = BIAS
+    discontinuity: float = 0.0
+    least_profit: float = 0.0
     cover: bool = True
     finest_ratio: float = 1 / 16
     max_passes: int = 64
@@ -121,6 +127,12 @@ class AdaptiveShadowMap(ShadowAlgorithm[AdaptiveState]):
             f"a pixel share of {self.pixel_share} is not supported; allowed: 1 (every pixel), 2, "
             "4, 8.",
         )
+        for name in ("discontinuity", "least_profit"):
+            value = getattr(self, name)
+            require(
+                math.isfinite(value) and value >= 0,
+                f"{name}={value} is not possible; allowed: a finite number, 0 or more.",
+            )
         require(self.max_passes >= 1, f"{self.max_passes} passes do nothing; allowed: 1 or more.")
         check_test(self.compare, self.bias)
 
@@ -130,8 +142,10 @@ class AdaptiveShadowMap(ShadowAlgorithm[AdaptiveState]):
 
     @property
     def goals(self) -> tuple[float, float, float]:
-        """What a look is told: log2 of the ratios to match and to end at, and the bias."""
-        return math.log2(self.ratio_target), math.log2(self.finest_ratio), self.bias
+        """What a look is told: log2 of the ratios to match and to end at, and by how much a caster
+        must be nearer for an edge of its shadow to count, as a bias."""
+        nearer = max(self.bias, self.discontinuity)
+        return math.log2(self.ratio_target), math.log2(self.finest_ratio), nearer
 
     def build(self, view: EyeBuffer, frame: LightFrame, rays: LightRays) -> AdaptiveState:
         """Raises `UseError` where the memory limit does not hold one node per face."""

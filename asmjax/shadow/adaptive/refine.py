@@ -84,12 +84,16 @@ def requests_of(shape: TreeShape, audience: Audience, asking: Asking) -> Request
     )
 
 
-def most_profitable_first(requests: Requests, cost: CostModel) -> Requests:
-    """Requests by benefit per cost, largest first; ties by level, face, row and column.
+def most_profitable_first(
+    requests: Requests, cost: CostModel, least_profit: float = 0.0
+) -> Requests:
+    """Requests by benefit per cost, largest first; ties by level, face, row and column. Those of
+    less than `least_profit` eye pixels per second are left out.
 
     "Sorted according to this ratio" (Fernando et al. 2001, 3.1) leaves the direction open; the
     greedy order by benefit / cost solves the fractional knapsack.
     """
     profit = requests.benefit / cost.seconds(requests.n_required)
     face, level, column, row = requests.squares
-    return requests.take(np.lexsort((column, row, face, level, -profit)))
+    order = np.lexsort((column, row, face, level, -profit))
+    return requests.take(order[profit[order] >= least_profit])

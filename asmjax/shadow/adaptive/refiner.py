@@ -223,7 +223,7 @@ class Refiner:
             wanted = self.pool.gather(look.wanted, least, LONGEST_WAIT)
             if wanted.count == 0:
                 break
-            wanted = most_profitable_first(wanted, self.cost_model)
+            wanted = most_profitable_first(wanted, self.cost_model, self.settings.least_profit)
             if wish is Wish.COVERAGE:
                 wanted = wanted.take(slice(self.pool.free_pages))
             made = self._make(wanted, replace=wish is not Wish.COVERAGE)
@@ -284,7 +284,7 @@ class Refiner:
             self.pool.use(pages, self.log.frame, audience.weight)
         asking = asking_of(analysis, audience, wish)
         wanted = requests_of(self.shape, audience, asking)
-        wanted = most_profitable_first(wanted, self.cost_model)
+        wanted = most_profitable_first(wanted, self.cost_model, settings.least_profit)
         self.last_look = time.perf_counter() - began
         return Look(wanted, audience, analysis, asking)
 

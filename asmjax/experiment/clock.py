@@ -1,0 +1,104 @@
+"""Times that can be trusted on a shared machine: taken in turns, with intervals, and as ratios.
+
+A machine that others use is slower for a while, not for one call: whatever is compared is measured
+in turns, so that a slow while meets all of it. A median forgives turns that something disturbed,
+and its interval is that of order statistics, which asks nothing of how times are distributed.
+"""
+
+import math
+import statistics
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+from asmjax.errors import require
+
+T = TypeVar("T")
+
+CONFIDENCE = 0.95
+"""Of the intervals, where there are runs enough: six. Of fewer they are the whole range."""
+
+
+@dataclass(frozen=True)
+class Median:
+    """A median and its interval.
+
+    Attributes:
+        value: the median of the runs.
+        low, high: with `CONFIDENCE` the median of all runs there could be lies between them; the
+            least and the largest of fewer than six runs.
+        runs: how many.
+    """
+
+    value: float
+    low: float
+    high: float
+    runs: int
+
+    def record(self) -> dict:
+        """As plain values."""
+        return {"median": self.value, "low": self.low, "high": self.high, "runs": self.runs}
+
+
+def median_of(runs: Sequence[float]) -> Median:
+    """The median of some runs, and its interval.
+
+    The interval from the k-th smallest to the k-th largest of n runs misses the median with
+    probability 2 P(B <= k - 1), B binomial of n fair coins; k is the largest that keeps to
+    `CONFIDENCE`.
+
+    Raises:
+        UseError: no run, or one that is no finite number.
+    """
+    require(
+        len(runs) > 0 and all(math.isfinite(run) for run in runs),
+        f"a median of the runs {list(runs)} does not exist; give one finite number or more.",
+    )
+    ordered = sorted(runs)
+    rank = interval_rank(len(ordered))
+    return Median(statistics.median(ordered), ordered[rank - 1], ordered[-rank], len(ordered))
+
+
+def interval_rank(runs: int) -> int:
+    """k of `median_of`, 1 or more."""
+    rank, missed = 1, 2 * 0.5**runs
+    while True:
+        missed += 2 * math.comb(runs, rank) * 0.5**runs
+        if missed > 1 - CONFIDENCE or 2 * (rank + 1) > runs + 1:
+            return rank
+        rank += 1
+
+
+def ratio_of(over: Sequence[float], under: Sequence[float]) -> Median:
+    """The median of ratios, turn by turn: what slows down a turn slows down both.
+
+    Raises:
+        UseError: as many turns of one as of the other there are not, or a time is not positive.
+    """
+    require(
+        len(over) == len(under) and all(run > 0 for run in (*over, *under)),
+        f"ratios of {len(over)} runs to {len(under)} are not possible; give as many positive times "
+        "of one as of the other, taken in turns.",
+    )
+    return median_of([a / b for a, b in zip(over, under, strict=True)])
+
+
+def in_turns(
+    calls: Mapping[str, Callable[[], T]], rounds: int, warm_ups: int = 1
+) -> dict[str, list[T]]:
+    """What each call gave in each of `rounds` turns, after `warm_ups` that are forgotten.
+
+    A turn calls all of them, every other one in reverse order: none always follows the same one.
+
+    Raises:
+        UseError: no turn.
+    """
+    require(rounds >= 1, f"{rounds} rounds measure nothing; allowed: 1 or more.")
+    gathered: dict[str, list[T]] = {name: [] for name in calls}
+    for turn in range(warm_ups + rounds):
+        names = list(calls) if turn % 2 == 0 else list(reversed(calls))
+        for name in names:
+            result = calls[name]()
+            if turn >= warm_ups:
+                gathered[name].append(result)
+    return gathered
