@@ -1,4 +1,4 @@
-"""Where asmjax keeps what it may forget: one cache folder per user, and the key of this CPU."""
+"""Files: one cache folder per user for what may be forgotten, the key of this CPU, whole writes."""
 
 import hashlib
 import os
@@ -55,6 +55,28 @@ def keep_text(path: Path, text: str) -> bool:
             Path(draft).unlink(missing_ok=True)
         return False
     return True
+
+
+def write_atomic(path: str | os.PathLike, text: str) -> None:
+    """Replace the file at `path` by `text` in UTF-8, in one step that survives a power cut."""
+    target = Path(path)
+    # Same folder: a rename is atomic only within one file system.
+    scratch = target.with_name(f".{target.name}.{os.getpid()}.tmp")
+    try:
+        with scratch.open("w", encoding="utf-8", newline="") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(scratch, target)
+    except BaseException:
+        scratch.unlink(missing_ok=True)
+        raise
+    if os.name == "posix":
+        folder = os.open(target.parent, os.O_RDONLY)
+        try:
+            os.fsync(folder)
+        finally:
+            os.close(folder)
 
 
 def folder_bytes(path: Path) -> int:

@@ -65,6 +65,14 @@ TRIALS = {
         STRIDE,
         True,
     ),
+    # A sphere is near one side of its shadow and far off the other: only that one is refined.
+    "near": Trial(
+        "a6_sphere", "centre", {"memory_bytes": 2**19, "discontinuity": 0.35}, STEP, False
+    ),
+    # Nodes that serve three pixels and fewer are not worth what they cost.
+    "thrift": Trial(
+        "a4_disc_light", "centre", {"memory_bytes": 2**19, "least_profit": 3e5}, STEP, False
+    ),
 }
 
 

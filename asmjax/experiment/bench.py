@@ -1,11 +1,11 @@
 """A view with its truth, on which shadow algorithms are tried in turns with the yardstick."""
 
-import gc
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
+import jax
 import numpy as np
 
 from asmjax.buffers import EyeBuffer, LightRays, seen_points
@@ -13,17 +13,20 @@ from asmjax.buffers.points import SeenPoints
 from asmjax.experiment.aliasing import aliasing_maps
 from asmjax.experiment.clock import in_turns
 from asmjax.experiment.displacement import displacement
-from asmjax.experiment.ledger import Ledger
+from asmjax.experiment.ledger import Ledger, digest
 from asmjax.experiment.methods import TracedShadows, pixel_mean, settings_of
 from asmjax.experiment.timing import timed
 from asmjax.experiment.trial import STAGES, Trial, trial_of
 from asmjax.geometry import LightFrame
 from asmjax.metrics import SurfacePairs, boundary_edges, boundary_length, error_summary
 from asmjax.metrics import surface_pairs as pairs_of
-from asmjax.shadow import ALGORITHMS, ShadowAlgorithm
+from asmjax.shadow import ALGORITHMS, Cost, ShadowAlgorithm, Status
 
 RAYS = "rays"
 """Family of the yardstick: shadow rays from the eye's points."""
+
+_HOLDS = [field.name for field in fields(Trial)]
+"""Part of every key: what was kept of other things is measured again."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,18 +72,23 @@ class Bench:
         return pairs_of(eye.valid.reshape(eye.size), depth.reshape(eye.size))
 
     @cached_property
+    def _compiled(self) -> set[Hashable]:
+        """Programs of the algorithms tried so far."""
+        return set()
+
+    @cached_property
     def _seen(self) -> list[SeenPoints]:
         return [seen_points(eye) for eye in self.eyes]
 
     def error(self, visibility: np.ndarray) -> dict:
         """The errors of an image (n,), as `asmjax.metrics.error_summary`."""
         eye = self.eyes[0]
-        images = (image.reshape(eye.size) for image in (self.truth, visibility, eye.valid))
-        return error_summary(*images, self._pairs)
+        truth, image = self.truth.reshape(eye.size), visibility.reshape(eye.size)
+        return error_summary(truth, image, eye.valid.reshape(eye.size), self._pairs)
 
     def shadow_rays(self, rounds: int, ledger: Ledger | None = None) -> Trial:
         """The yardstick itself, tried like an algorithm."""
-        key = {**self.facts, "family": RAYS, "rounds": rounds}
+        key = {**self.facts, "family": RAYS, "rounds": rounds, "holds": _HOLDS}
         return self._known_or_tried(key, ledger, lambda: self._try_rays(rounds))
 
     def try_all(
@@ -89,30 +97,38 @@ class Bench:
         rounds: int,
         ledger: Ledger | None = None,
         predicted: bool = False,
+        warm_ups: int = 1,
+        together: bool = False,
     ) -> list[Trial]:
-        """Build each from nothing and query it, `rounds` times in turns after a warm-up.
+        """Build each from nothing and query it, `rounds` times in turns after `warm_ups` turns.
+
+        Whatever would compile in the first of them is compiled before, with no limit of time.
 
         Args:
-            ledger: what it knows is not measured again; what is measured is added at once.
-            predicted: also predict the displacement of edges (M4).
+            ledger: what it knows is not measured again; the rest is added after the last turn, so
+                an interruption costs what was asked for together.
+            predicted: also predict the displacement of edges (M4), outside of what is timed.
+            together: what the ledger knows counts only if it was measured in turns with the same
+                others: times that are compared with one another must be of one while.
 
         Raises:
             UseError: as `build` does.
         """
         keys = [self.key(algorithm, rounds, predicted) for algorithm in algorithms]
+        if together:
+            company = [digest(key) for key in keys]
+            keys = [{**key, "in_turns_with": company} for key in keys]
         known = [None if ledger is None else ledger.get(key) for key in keys]
-        calls = {
-            number: _Try(self, algorithm)
+        calls: dict[str, Callable[[], _Run]] = {
+            str(number): _Try(self, algorithm, predicted)
             for number, (algorithm, found) in enumerate(zip(algorithms, known, strict=True))
             if found is None
         }
-        names = {str(number): call for number, call in calls.items()}
-        turns = in_turns({RAYS: self._trace, **names}, rounds) if calls else {}
+        turns = in_turns({RAYS: self._trace, **calls}, rounds, warm_ups) if calls else {}
         result = []
-        for number, found in enumerate(known):
+        for number, (algorithm, found) in enumerate(zip(algorithms, known, strict=True)):
             if found is None:
-                call = calls[number]
-                trial = call.trial(turns[str(number)], turns[RAYS], predicted)
+                trial = self._trial(algorithm, turns[str(number)], turns[RAYS])
                 if ledger is not None:
                     ledger.add(keys[number], trial.record())
             else:
@@ -127,16 +143,43 @@ class Bench:
             **self.facts,
             "family": family_of(algorithm),
             "settings": settings_of(algorithm),
-            "cost_model": None if model is None else asdict(model),
+            # What it decides by: not when it was measured, nor whether it was kept since.
+            "cost_model": None if model is None else [model.a_seconds_per_texel, model.b_seconds],
             "rounds": rounds,
             "predicted": predicted,
+            "holds": _HOLDS,
         }
 
-    def _trace(self) -> float:
-        return timed(lambda: [rays.trace() for rays in self.traced])[1]
+    def _trace(self) -> "_Run":
+        seconds = timed(lambda: [rays.trace() for rays in self.traced])[1]
+        return _Run({"query": seconds})
+
+    def _trial(
+        self, algorithm: ShadowAlgorithm, runs: Sequence["_Run"], yardstick: Sequence["_Run"]
+    ) -> Trial:
+        """What the runs came to: mean errors, and the memory of the last one."""
+        predictions = [run.predicted for run in runs if run.predicted is not None]
+        cost, status = runs[-1].cost, runs[-1].status
+        return Trial(
+            name=algorithm.name,
+            family=family_of(algorithm),
+            settings=settings_of(algorithm),
+            view=self.view,
+            samples=self.samples,
+            error=_mean([run.error for run in runs]),
+            predicted_px=sum(predictions) / len(predictions) if predictions else None,
+            seconds={stage: [run.seconds[stage] for run in runs] for stage in STAGES},
+            yardstick=[run.seconds["query"] for run in yardstick],
+            bytes=cost.bytes,
+            texels=cost.texels,
+            rays=cost.rays,
+            status=status.name.lower(),
+            nodes=None if cost.nodes is None else cost.nodes.held,
+        )
 
     def _try_rays(self, rounds: int) -> Trial:
-        runs = in_turns({RAYS: self._trace}, rounds)[RAYS]
+        turns = in_turns({RAYS: self._trace}, rounds)
+        runs = [run.seconds["query"] for run in turns[RAYS]]
         return Trial(
             name=f"{RAYS}-{self.samples}",
             family=RAYS,
@@ -166,59 +209,62 @@ class Bench:
         return trial
 
 
-class _Try:
-    """One algorithm on a bench: each call builds and queries it once.
+class _Run(NamedTuple):
+    """One build and query: seconds by stage, and what came of it."""
 
-    Its errors are the means over the runs that count: a build that a time limit ends differs from
-    run to run, any other does not.
+    seconds: dict[str, float]
+    error: dict = {}
+    predicted: float | None = None
+    cost: Cost = Cost(0, 0, 0, 0)
+    status: Status = Status.COMPLETE
+
+
+class _Try:
+    """One algorithm on a bench: each call builds and queries it once. It keeps no state, which is
+    freed at once, as nothing in one refers back to it: of any number of maps one is in memory.
+
+    A build that a time limit ends differs from run to run, and each is judged on its own; any
+    other does not, and is judged once.
     """
 
-    def __init__(self, bench: Bench, algorithm: ShadowAlgorithm):
-        self.bench, self.algorithm = bench, algorithm
+    def __init__(self, bench: Bench, algorithm: ShadowAlgorithm, predicted: bool):
+        self.bench, self.algorithm, self.predicted = bench, algorithm, predicted
         self._image: np.ndarray | None = None
-        self._error: dict = {}
-        self.state: Any = None
+        self._judged: tuple[dict, float | None] = {}, None
 
-    def __call__(self) -> tuple[dict[str, float], dict]:
-        """Seconds by stage, and the errors."""
+    def __call__(self) -> _Run:
         bench, algorithm = self.bench, self.algorithm
-        # The tree before is freed before the next takes as much again.
-        self.state = None
-        gc.collect()
-        self.state = state = algorithm.build(bench.eyes[0], bench.frame, bench.rays)
+        self._rehearse()
+        state = algorithm.build(bench.eyes[0], bench.frame, bench.rays)
         seen = bench._seen
         lit, query = timed(lambda: [algorithm.visibility(state, some.points) for some in seen])
         images = [some.image(part) for some, part in zip(seen, lit, strict=True)]
         image = pixel_mean(images, bench.eyes)
         if self._image is None or not np.array_equal(image, self._image):
-            self._image, self._error = image, bench.error(image)
-        seconds = {**algorithm.cost(state).seconds, "query": query}
-        return {stage: seconds[stage] for stage in STAGES}, self._error
-
-    def trial(self, runs: list, yardstick: list[float], predicted: bool) -> Trial:
-        """What the runs came to."""
-        bench, algorithm, state = self.bench, self.algorithm, self.state
+            predicted = self._prediction(state) if self.predicted else None
+            self._image, self._judged = image, (bench.error(image), predicted)
         cost = algorithm.cost(state)
-        return Trial(
-            name=algorithm.name,
-            family=family_of(algorithm),
-            settings=settings_of(algorithm),
-            view=bench.view,
-            samples=bench.samples,
-            error=_mean([error for _, error in runs]),
-            predicted_px=self._predicted() if predicted else None,
-            seconds={stage: [seconds[stage] for seconds, _ in runs] for stage in STAGES},
-            yardstick=yardstick,
-            bytes=cost.bytes,
-            texels=cost.texels,
-            rays=cost.rays,
-            status=algorithm.status(state).name.lower(),
-            nodes=None if cost.nodes is None else cost.nodes.held,
-        )
+        seconds = {**cost.seconds, "query": query}
+        return _Run(seconds, *self._judged, cost, algorithm.status(state))
 
-    def _predicted(self) -> float:
+    def _rehearse(self) -> None:
+        """Compile what settings of this program may call. Under a limit of time a build that
+        compiles gets nowhere, and the next one would compile again."""
+        bench, algorithm = self.bench, self.algorithm
+        program = algorithm.program(bench.frame)
+        if program in bench._compiled:
+            return
+        hurried = getattr(algorithm, "time_limit", None) is not None
+        free = replace(algorithm, time_limit=None) if hurried else algorithm
+        state = free.build(bench.eyes[0], bench.frame, bench.rays)
+        algorithm.warm_up(state, bench.eyes[0], bench.frame)
+        for some in bench._seen:
+            jax.block_until_ready(algorithm.visibility(state, some.points))
+        bench._compiled.add(program)
+
+    def _prediction(self, state) -> float:
         bench, eye = self.bench, self.bench.eyes[0]
-        maps = aliasing_maps(self.algorithm, self.state, eye, bench.frame)
+        maps = aliasing_maps(self.algorithm, state, eye, bench.frame)
         # Truth is judged as it is drawn: of several samples a pixel counts as most of them.
         return displacement(bench.truth, bench.truth, eye, maps).predicted
 

@@ -61,10 +61,11 @@ def median_of(runs: Sequence[float]) -> Median:
 
 def interval_rank(runs: int) -> int:
     """k of `median_of`, 1 or more."""
-    rank, missed = 1, 2 * 0.5**runs
+    # Whole numbers: of 2^runs ways that coins fall, those that miss on one side.
+    rank, ways = 1, 1
     while True:
-        missed += 2 * math.comb(runs, rank) * 0.5**runs
-        if missed > 1 - CONFIDENCE or 2 * (rank + 1) > runs + 1:
+        ways += math.comb(runs, rank)
+        if 2 * ways / 2**runs > 1 - CONFIDENCE or 2 * (rank + 1) > runs + 1:
             return rank
         rank += 1
 
@@ -91,13 +92,14 @@ def in_turns(
     A turn calls all of them, every other one in reverse order: none always follows the same one.
 
     Raises:
-        UseError: no turn.
+        UseError: no turn, or a number of warm-ups below 0.
     """
     require(rounds >= 1, f"{rounds} rounds measure nothing; allowed: 1 or more.")
+    require(warm_ups >= 0, f"{warm_ups} warm-ups are not possible; allowed: 0 or more.")
+    forwards = list(calls)
     gathered: dict[str, list[T]] = {name: [] for name in calls}
     for turn in range(warm_ups + rounds):
-        names = list(calls) if turn % 2 == 0 else list(reversed(calls))
-        for name in names:
+        for name in forwards if turn % 2 == 0 else forwards[::-1]:
             result = calls[name]()
             if turn >= warm_ups:
                 gathered[name].append(result)

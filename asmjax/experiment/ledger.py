@@ -2,19 +2,27 @@
 
 What is written is a dictionary of plain values under a key of plain values. A key says all that a
 measurement depends on: another scene, view, setting, version or machine has another key.
+
+A line is JSON as Python writes it: numbers that are not finite stand as NaN and Infinity, which an
+endless setting is and a measurement may be, and which must not be lost for it.
 """
 
 import hashlib
 import json
 import logging
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from asmjax.errors import UseError
+import numpy as np
+
+from asmjax.errors import UseError, require
 
 FORMAT = "asmjax/measurement/1"
+
+_BEGINNING = '{"format": "asmjax/measurement/'
+"""Of every line, of whatever version."""
 
 _log = logging.getLogger("asmjax")
 
@@ -23,27 +31,30 @@ class Ledger:
     """A growing file of measurements; without a path, they are kept in memory only.
 
     A line that is torn, as the last one is after a crash, is left out with a warning, and measured
-    again.
+    again. Of two lines with one key the later counts.
 
     Args:
         path: of the file; made with the first measurement.
 
     Attributes:
         taken: measurements that were asked for and found.
-        added: measurements that were made and written.
+        added: measurements that were made and kept.
+
+    Raises:
+        UseError: the file cannot be read, or holds something else.
     """
 
     def __init__(self, path: Path | None = None):
         self.path, self.taken, self.added = path, 0, 0
         self._known: dict[str, dict] = {}
         if path is not None and path.exists():
-            self._known = dict(_lines(path))
+            self._known = dict(_entries(path))
 
     def __len__(self) -> int:
         return len(self._known)
 
     def get(self, key: Mapping[str, Any]) -> dict | None:
-        """The measurement of that key, if there is one."""
+        """The measurement of that key, if there is one: the same now as after a restart."""
         found = self._known.get(digest(key))
         self.taken += found is not None
         return found
@@ -52,21 +63,20 @@ class Ledger:
         """Keep a measurement, on disk before this returns.
 
         Raises:
-            UseError: the file cannot be written.
+            UseError: the file cannot be written; `get` knows the measurement all the same.
         """
         name = digest(key)
-        self._known[name] = dict(measurement)
+        line = {"format": FORMAT, "key": name, "of": dict(key), "measured": dict(measurement)}
+        text = json.dumps(line, default=_plain)
+        self._known[name] = json.loads(text)["measured"]
         self.added += 1
         if self.path is None:
             return
-        line = {"format": FORMAT, "key": name, "of": dict(key), "measured": dict(measurement)}
-        text = json.dumps(line, allow_nan=False) + "\n"
         try:
             with self.path.open("a+b") as file:
                 # After a crash the file may end within a line.
-                if file.tell() and _last_byte(file) != b"\n":
-                    file.write(b"\n")
-                file.write(text.encode())
+                torn = file.tell() > 0 and _last_byte(file) != b"\n"
+                file.write(b"\n" * torn + text.encode() + b"\n")
                 file.flush()
                 os.fsync(file.fileno())
         except OSError as problem:
@@ -78,7 +88,15 @@ class Ledger:
 
 def digest(key: Mapping[str, Any]) -> str:
     """A name for a key of plain values: equal for equal ones, whatever the order of their parts."""
-    return hashlib.sha256(json.dumps(key, sort_keys=True).encode()).hexdigest()[:24]
+    text = json.dumps(dict(key), sort_keys=True, default=_plain)
+    return hashlib.sha256(text.encode()).hexdigest()[:24]
+
+
+def _plain(value: Any) -> Any:
+    """NumPy's numbers as Python's."""
+    if isinstance(value, np.generic):
+        return value.item()
+    raise TypeError(f"{type(value).__name__} is no plain value")
 
 
 def _last_byte(file) -> bytes:
@@ -86,22 +104,31 @@ def _last_byte(file) -> bytes:
     return file.read(1)
 
 
-def _lines(path: Path):
+def _entries(path: Path) -> Iterator[tuple[str, dict]]:
+    """Keys and measurements of the lines of a file that are whole."""
     try:
         text = path.read_text(encoding="utf-8", errors="replace")
     except OSError as problem:
         raise UseError(
             f"cannot read the measurements in '{path}' ({problem.strerror}); choose another --out."
         ) from problem
-    for number, line in enumerate(text.splitlines(), 1):
-        if not line.strip():
-            continue
+    lines = {number: line for number, line in enumerate(text.split("\n"), 1) if line.strip()}
+    first = next(iter(lines.values()), "")
+    require(
+        first.startswith(_BEGINNING) or _BEGINNING.startswith(first),
+        f"'{path}' holds something else than measurements; move it away, or choose another --out.",
+    )
+    left_out = []
+    for number, line in lines.items():
         try:
             entry = json.loads(line)
             if entry["format"] != FORMAT or digest(entry["of"]) != entry["key"]:
                 raise ValueError("not a measurement of this version")
             yield entry["key"], dict(entry["measured"])
         except (ValueError, TypeError, KeyError) as problem:
-            _log.warning(
-                "line %d of '%s' is left out (%s); it is measured again.", number, path, problem
-            )
+            left_out.append(f"line {number}: {problem}")
+    if left_out:
+        _log.warning(
+            "%d of %d measurements in '%s' are left out, and made again if asked for (%s).",
+            len(left_out), len(lines), path, left_out[0],
+        )  # fmt: skip

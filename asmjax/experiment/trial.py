@@ -19,12 +19,14 @@ class Trial:
         settings: all of them but its cost model.
         view: name of the view.
         samples: of each pixel.
-        error: as `asmjax.metrics.error_summary`.
+        error: as `asmjax.metrics.error_summary`; the mean over the runs, which only differ where a
+            time limit ended them.
         predicted_px: wrong pixels per pixel of edge by its texels' sizes (M4), where edges stand
-            alone; None for rays, and where it was not asked for.
+            alone; None for rays, and where it was not asked for. The mean like `error`.
         seconds: runs (rounds,) by stage, `STAGES`.
         yardstick: seconds (rounds,) of one shadow ray for each sample, taken in turns.
-        bytes, texels, rays: memory of all arrays, texels stored, light rays cast.
+        bytes, texels, rays: memory of all arrays, texels stored, light rays cast; like `status` and
+            `nodes` those of the last run.
         status: how the build ended.
         nodes: held by an adaptive map; None for others.
     """

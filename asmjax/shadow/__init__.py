@@ -3,6 +3,13 @@
 from asmjax.shadow.adaptive import PRESETS, AdaptiveShadowMap, CostModel, calibrate, preset
 from asmjax.shadow.base import Cost, NodeCounts, ShadowAlgorithm, Status
 from asmjax.shadow.registry import ALGORITHMS
+from asmjax.shadow.settings import (
+    algorithm_of,
+    family_of,
+    read_settings,
+    settings_text,
+    write_settings,
+)
 from asmjax.shadow.uniform import UniformShadowMap, resolution_for
 from asmjax.shadow.warped import (
     LightSpaceShadowMap,
@@ -31,7 +38,12 @@ __all__ = [
     "TrapezoidalShadowMap",
     "TunedShadowMap",
     "UniformShadowMap",
+    "algorithm_of",
     "calibrate",
+    "family_of",
     "preset",
+    "read_settings",
     "resolution_for",
+    "settings_text",
+    "write_settings",
 ]

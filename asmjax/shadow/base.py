@@ -2,6 +2,7 @@
 
 import abc
 import enum
+from collections.abc import Hashable
 from dataclasses import dataclass, field
 from typing import Generic, TypeVar
 
@@ -126,6 +127,11 @@ class ShadowAlgorithm(eqx.Module, Generic[State]):
     def warm_up(self, state: State, view: EyeBuffer, frame: LightFrame) -> None:
         """Compile what later updates for views of this size may call, so that none waits for it;
         queries compile once for each number of points."""
+
+    @abc.abstractmethod
+    def program(self, frame: LightFrame) -> Hashable:
+        """Equal for settings that run the same compiled code: what one of them compiled in
+        `build` without limits, `warm_up` and a query, is there for all."""
 
     @abc.abstractmethod
     def copied(self, state: State) -> State:

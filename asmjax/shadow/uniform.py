@@ -1,6 +1,7 @@
 """The conventional shadow map: one resolution everywhere."""
 
 import time
+from collections.abc import Hashable
 from dataclasses import replace
 from typing import ClassVar
 
@@ -101,6 +102,10 @@ class UniformShadowMap(ShadowAlgorithm[UniformState]):
 
     def warm_up(self, state: UniformState, view: EyeBuffer, frame: LightFrame) -> None:
         """Nothing: every update calls the same."""
+
+    def program(self, frame: LightFrame) -> Hashable:
+        """Shapes follow from the resolution."""
+        return self
 
     def copied(self, state: UniformState) -> UniformState:
         """`state` itself: nothing takes it over."""

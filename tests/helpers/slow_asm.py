@@ -216,7 +216,7 @@ class SlowASM:
             return pixel.depth / (1 + along), True
         return pixel.depth, False
 
-    def _tap(self, node: Node, pixel: Pixel, dx: int, dy: int) -> tuple[bool, bool]:
+    def _tap(self, node: Node, pixel: Pixel, dx: int, dy: int, bias: float) -> tuple[bool, bool]:
         """Whether the texel (dx, dy) from the pixel's own lets light through, and can decide."""
         resolution = 2.0 ** self.shape.log2_resolution(node.level)
         column, row = int(pixel.u * resolution), int(pixel.v * resolution)
@@ -224,7 +224,7 @@ class SlowASM:
         x = column - node.square[2] * self.texels + dx + GUARD
         y = row - node.square[3] * self.texels + dy + GUARD
         plane, trusted = self._plane(pixel, du, dv)
-        reach = self.settings.bias * pixel.depth + CURVATURE_BIAS * pixel.reach / resolution
+        reach = bias * pixel.depth + CURVATURE_BIAS * pixel.reach / resolution
         assert node.depth is not None and node.prim is not None
         by_depth = node.depth[y, x] >= plane - pixel.secant * reach
         by_prim = pixel.prim >= 0 and node.prim[y, x] % 65536 == pixel.prim % 65536
@@ -233,15 +233,21 @@ class SlowASM:
         return bool(lit), trusted
 
     def _lit(self, node: Node, pixel: Pixel, dx: int, dy: int) -> bool:
-        return self._tap(node, pixel, dx, dy)[0]
+        return self._tap(node, pixel, dx, dy, self.settings.bias)[0]
 
     def _straddles(self, node: Node, pixel: Pixel) -> bool:
-        """Whether the 2 x 2 nearest texels disagree, or one of them cannot decide."""
+        """Whether the 2 x 2 nearest texels disagree, one of them because of a caster that is far
+        enough off; or one of them cannot decide."""
         resolution = 2.0 ** self.shape.log2_resolution(node.level)
         x, y = (1 if (at * resolution) % 1 >= 0.5 else -1 for at in (pixel.u, pixel.v))
-        taps = [self._tap(node, pixel, dx, dy) for dy in (0, y) for dx in (0, x)]
+        bias = self.settings.bias
+        far = max(bias, self.settings.discontinuity)
+        places = [(dx, dy) for dy in (0, y) for dx in (0, x)]
+        taps = [self._tap(node, pixel, *place, bias) for place in places]
         lit = [lit for lit, _ in taps]
-        return (any(lit) and not all(lit)) or not all(trusted for _, trusted in taps)
+        edge = any(lit) and not all(lit)
+        edge = edge and not all(self._tap(node, pixel, *place, far)[0] for place in places)
+        return edge or not all(trusted for _, trusted in taps)
 
     def _level_for(self, pixel: Pixel, ratio: float) -> int:
         """The first level whose texels are at most `ratio` pixels large."""
@@ -293,12 +299,16 @@ class SlowASM:
             ratio = 2.0 ** (pixel.log2_ratio - self.shape.log2_resolution(node.level))
             request.n_required = max(request.n_required, (current * ratio) ** 2)
 
-        return sorted(requests.values(), key=self._order), asking
+        worth = [r for r in requests.values() if self._profit(r) >= settings.least_profit]
+        return sorted(worth, key=self._order), asking
+
+    def _profit(self, request: Request) -> float:
+        seconds = self.cost.a_seconds_per_texel * request.n_required + self.cost.b_seconds
+        return request.benefit / seconds
 
     def _order(self, request: Request):
         face, level, column, row = request.square
-        seconds = self.cost.a_seconds_per_texel * request.n_required + self.cost.b_seconds
-        return -request.benefit / seconds, level, face, row, column
+        return -self._profit(request), level, face, row, column
 
     # Refining
 

@@ -2,6 +2,7 @@
 
 import math
 import time
+from collections.abc import Hashable
 from copy import deepcopy
 from dataclasses import replace
 from functools import partial
@@ -19,14 +20,14 @@ from asmjax.geometry import LightFrame
 from asmjax.shadow.adaptive.address import address_of
 from asmjax.shadow.adaptive.attention import compile_attention
 from asmjax.shadow.adaptive.cost_model import CostModel, calibrate
-from asmjax.shadow.adaptive.look import MEASURES, compile_looks
+from asmjax.shadow.adaptive.look import MEASURES, Goals, compile_looks
 from asmjax.shadow.adaptive.motion import touched
 from asmjax.shadow.adaptive.page_table import warm_tables
 from asmjax.shadow.adaptive.pool import NodePool
 from asmjax.shadow.adaptive.refiner import Refiner
 from asmjax.shadow.adaptive.shape import TreeShape, shape_for
 from asmjax.shadow.adaptive.state import AdaptiveState, BuildLog, HostSide
-from asmjax.shadow.adaptive.tree import Tree, empty_tree, lookup
+from asmjax.shadow.adaptive.tree import FIRST_BYTES, Tree, empty_tree, lookup
 from asmjax.shadow.base import (
     Cost,
     NodeCounts,
@@ -65,8 +66,8 @@ class AdaptiveShadowMap(ShadowAlgorithm[AdaptiveState]):
             this many, others in each turn; 1, 2, 4 or 8 (the paper's).
         compare, bias: the shadow test; see `asmjax.shadow.comparison`.
         discontinuity: an edge is refined only where its caster is this far off the receiver, along
-            the receiver's normal, in parts of the receiver's depth; less than `bias` changes
-            nothing. Leaves shadows near their casters coarse.
+            the receiver's normal, in parts of the receiver's depth; up to `bias` changes nothing,
+            nor does any with ids alone. Leaves shadows near their casters coarse.
         least_profit: nodes that serve fewer eye pixels per second of their cost are not made.
         cover: also refine where no edge was seen: finds casters that fell between the first texels.
             First, with a quarter of the memory, until texels are 4 times a pixel's size; in later
@@ -141,11 +142,11 @@ class AdaptiveShadowMap(ShadowAlgorithm[AdaptiveState]):
         return f"adaptive-{self.memory_bytes / 2**20:g}MB"
 
     @property
-    def goals(self) -> tuple[float, float, float]:
-        """What a look is told: log2 of the ratios to match and to end at, and by how much a caster
-        must be nearer for an edge of its shadow to count, as a bias."""
-        nearer = max(self.bias, self.discontinuity)
-        return math.log2(self.ratio_target), math.log2(self.finest_ratio), nearer
+    def goals(self) -> Goals:
+        """What a look is told: log2 of the ratios to match and to end at, the bias, and by how much
+        a caster must be nearer for an edge of its shadow to count, if that is more."""
+        apart = self.discontinuity if self.discontinuity > self.bias else None
+        return math.log2(self.ratio_target), math.log2(self.finest_ratio), self.bias, apart
 
     def build(self, view: EyeBuffer, frame: LightFrame, rays: LightRays) -> AdaptiveState:
         """Raises `UseError` where the memory limit does not hold one node per face."""
@@ -204,6 +205,13 @@ class AdaptiveShadowMap(ShadowAlgorithm[AdaptiveState]):
             shape=state.shape, measure=self.measure, share=self.pixel_share,
         )  # fmt: skip
         compile_attention(state.shape, state.tree, everyone)
+
+    def program(self, frame: LightFrame) -> Hashable:
+        """Shapes follow from the tree's, as long as its first memory is enough."""
+        shape = self.tree_shape(frame.faces)
+        grows = self.memory_bytes > FIRST_BYTES
+        looks = self.measure, self.pixel_share, self.goals[-1] is None, self.compare
+        return shape, looks, self if grows else None
 
     def copied(self, state: AdaptiveState) -> AdaptiveState:
         """Tables and texels are copied; raises `UseError` for a state that was taken over."""

@@ -2,7 +2,8 @@
 
 import math
 from dataclasses import replace
-from functools import lru_cache, partial
+from functools import lru_cache, partial, reduce
+from operator import or_
 
 import equinox as eqx
 import jax
@@ -41,6 +42,9 @@ first that holds them, or all."""
 
 LEAST = 1024
 """Receivers that a look is worth preparing for."""
+
+Goals = tuple[float, float, float, float | None]
+"""Arguments of `analyse` that settings decide, in its order: log2_target to apart."""
 
 
 def _axis(points, camera, frame, receivers):
@@ -118,14 +122,14 @@ def first_look(
     tree: Tree,
     view: EyeBuffer,
     frame: LightFrame,
-    goals: tuple[float, float, float],
+    goals: Goals,
     *,
     shape: TreeShape,
     measure: str,
     share: int,
     turn: int,
 ) -> "tuple[Audience, Analysis]":
-    """`audience_of` and `analyse`; `goals` are the latter's last three arguments.
+    """`audience_of` and `analyse`.
 
     Two programs: as one, XLA's CPU backend forms the receivers anew for each of the taps.
     """
@@ -138,7 +142,7 @@ def compile_looks(
     tree: Tree,
     view: EyeBuffer,
     frame: LightFrame,
-    goals: tuple[float, float, float],
+    goals: Goals,
     *,
     shape: TreeShape,
     measure: str,
@@ -223,8 +227,8 @@ class Analysis(eqx.Module):
         target: (n,) level at which it is matched.
         finest: (n,) deepest level worth having for it.
         coarse: (n,) level at which its texels are `COARSE` times as large.
-        straddles: (n,) whether the 2 x 2 texels around it disagree about it, or one of them
-            cannot decide.
+        straddles: (n,) whether the 2 x 2 texels around it disagree about it, one of them because
+            of a caster as far off as counts; or one of them cannot decide.
     """
 
     entry: Int[Array, " n"]
@@ -241,6 +245,7 @@ def analyse(
     log2_target: Float[Array, ""] | float,
     log2_finest: Float[Array, ""] | float,
     bias: Float[Array, ""] | float,
+    apart: Float[Array, ""] | float | None = None,
     *,
     shape: TreeShape,
     perspective: bool,
@@ -250,6 +255,7 @@ def analyse(
     Args:
         log2_target: log2 of the ratio at which a pixel is matched; 0 for texels as small as pixels.
         log2_finest: log2 of the smallest ratio worth having.
+        apart: a bias by which one of the texels must shade the receiver for an edge to count.
     """
     receivers, address = audience.receivers, audience.address
     entry = serve(shape, tree, receivers, address)
@@ -261,24 +267,22 @@ def analyse(
         return jnp.where((at >> (BITS - 1 - log2)) & 1 == 1, 1, -1).astype(jnp.int32)
 
     side_x, side_y = nearer(address.x), nearer(address.y)
-    taps, undecided = [], jnp.zeros_like(receivers.facing)
+    taps, far_off, undecided = [], [], jnp.zeros_like(receivers.facing)
     for dy in (0, 1):
         for dx in (0, 1):
             step = side_x * dx, side_y * dy
-            taps.append(
-                page_outcome(
-                    shape,
-                    tree,
-                    receivers,
-                    address,
-                    entry,
-                    step,
-                    bias=bias,
-                    perspective=perspective,
-                )  # fmt: skip
+            lit = partial(
+                page_outcome, shape, tree, receivers, address, entry, step, perspective=perspective
             )
+            taps.append(lit(bias=bias))
+            if apart is not None:
+                far_off.append(~lit(bias=apart))
             offset = centre_offset(address, (column + step[0], row + step[1]), log2)
             undecided |= ~plane_is_trusted(receivers, offset, perspective)
+    edge = straddles_discontinuity(taps)
+    if apart is not None:
+        # Besides, not instead: where a caster comes nearer within its shadow there is no edge.
+        edge &= reduce(or_, far_off)
     at_start = audience.log2_ratio - shape.log2_resolution(0)
 
     def whole_level(log2_goal):
@@ -290,5 +294,5 @@ def analyse(
         target=whole_level(log2_target),
         finest=whole_level(log2_finest),
         coarse=whole_level(log2_target + math.log2(COARSE)),
-        straddles=(straddles_discontinuity(taps) | undecided) & receivers.facing,
+        straddles=(edge | undecided) & receivers.facing,
     )

@@ -8,6 +8,7 @@ them like any other.
 
 import abc
 import time
+from collections.abc import Hashable
 from typing import ClassVar, NamedTuple
 
 import equinox as eqx
@@ -131,6 +132,10 @@ class ChartedShadowMap(ShadowAlgorithm[ChartedState]):
 
     def warm_up(self, state: ChartedState, view: EyeBuffer, frame: LightFrame) -> None:
         """Nothing: every update calls the same."""
+
+    def program(self, frame: LightFrame) -> Hashable:
+        """Shapes follow from the settings."""
+        return self
 
     def copied(self, state: ChartedState) -> ChartedState:
         """`state` itself: nothing takes it over."""
