@@ -19,9 +19,10 @@ __version__ = "0.1.0"
 
 if TYPE_CHECKING:
     from asmjax.analyze_job import analyse_scene, run_analysis
+    from asmjax.compare_job import compare, run_comparison
     from asmjax.errors import UseError
     from asmjax.main_job import measure_scene, run_main_job
-    from asmjax.options import AnalyzeOptions, RunOptions
+    from asmjax.options import AnalyzeOptions, CompareOptions, RunOptions, TuneOptions
     from asmjax.render.load import Scene, load_scene
     from asmjax.scene import list_scenes
     from asmjax.shadow import (
@@ -36,12 +37,17 @@ if TYPE_CHECKING:
         TrapezoidalShadowMap,
         TunedShadowMap,
         UniformShadowMap,
+        read_settings,
+        settings_text,
+        write_settings,
     )
+    from asmjax.tune_job import run_tuning, tune
     from asmjax.walkthrough_job import Walk, measure_walkthrough, run_walkthrough
 
 _HOME = {
     "AdaptiveShadowMap": "asmjax.shadow",
     "AnalyzeOptions": "asmjax.options",
+    "CompareOptions": "asmjax.options",
     "LightSpaceShadowMap": "asmjax.shadow",
     "LogarithmicShadowMap": "asmjax.shadow",
     "PartitionedShadowMap": "asmjax.shadow",
@@ -52,23 +58,32 @@ _HOME = {
     "Status": "asmjax.shadow",
     "SubdividedShadowMap": "asmjax.shadow",
     "TrapezoidalShadowMap": "asmjax.shadow",
+    "TuneOptions": "asmjax.options",
     "TunedShadowMap": "asmjax.shadow",
     "UniformShadowMap": "asmjax.shadow",
     "UseError": "asmjax.errors",
     "Walk": "asmjax.walkthrough_job",
     "analyse_scene": "asmjax.analyze_job",
+    "compare": "asmjax.compare_job",
     "list_scenes": "asmjax.scene",
     "load_scene": "asmjax.render.load",
     "measure_scene": "asmjax.main_job",
     "measure_walkthrough": "asmjax.walkthrough_job",
+    "read_settings": "asmjax.shadow",
     "run_analysis": "asmjax.analyze_job",
+    "run_comparison": "asmjax.compare_job",
     "run_main_job": "asmjax.main_job",
+    "run_tuning": "asmjax.tune_job",
     "run_walkthrough": "asmjax.walkthrough_job",
+    "settings_text": "asmjax.shadow",
+    "tune": "asmjax.tune_job",
+    "write_settings": "asmjax.shadow",
 }
 
 __all__ = [
     "AdaptiveShadowMap",
     "AnalyzeOptions",
+    "CompareOptions",
     "LightSpaceShadowMap",
     "LogarithmicShadowMap",
     "PartitionedShadowMap",
@@ -79,18 +94,26 @@ __all__ = [
     "Status",
     "SubdividedShadowMap",
     "TrapezoidalShadowMap",
+    "TuneOptions",
     "TunedShadowMap",
     "UniformShadowMap",
     "UseError",
     "Walk",
     "analyse_scene",
+    "compare",
     "list_scenes",
     "load_scene",
     "measure_scene",
     "measure_walkthrough",
+    "read_settings",
     "run_analysis",
+    "run_comparison",
     "run_main_job",
+    "run_tuning",
     "run_walkthrough",
+    "settings_text",
+    "tune",
+    "write_settings",
 ]
 
 

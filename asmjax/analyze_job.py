@@ -7,7 +7,7 @@ from typing import Any
 
 from tqdm import tqdm
 
-from asmjax.errors import UseError, require, unknown_name
+from asmjax.errors import UseError, require
 from asmjax.experiment import Measured, measure
 from asmjax.experiment.aliasing import aliasing_maps, aliasing_numbers
 from asmjax.experiment.displacement import displacement
@@ -18,13 +18,15 @@ from asmjax.experiment.light_angles import (
     sweep_angles,
     view_range,
 )
+from asmjax.experiment.settings_range import ADAPTIVE, families_of
 from asmjax.options import AnalyzeOptions
 from asmjax.preparation import (
+    ChosenMaps,
     Progress,
     StepBar,
     Subject,
-    adaptive_map,
     calibrated,
+    chosen_maps,
     make_folder,
     results_folder,
     subject_of,
@@ -32,12 +34,14 @@ from asmjax.preparation import (
 from asmjax.report.analyze_files import write_analysis
 from asmjax.report.analyze_record import Analysed, AnalysisResult, LightSweep
 from asmjax.report.analyze_table import analysis_table
-from asmjax.shadow import ALGORITHMS, AdaptiveShadowMap, ShadowAlgorithm, resolution_for
+from asmjax.shadow import (
+    ALGORITHMS,
+    ShadowAlgorithm,
+    family_of,
+    resolution_for,
+)
 
 _log = logging.getLogger("asmjax")
-
-ADAPTIVE = "adaptive"
-"""The family whose memory, and not its resolution, is chosen."""
 
 _STEPS = 5
 """Steps of progress besides algorithms and directions: scene, eye, truth, cost model, figures."""
@@ -77,20 +81,27 @@ def analyse_scene(options: AnalyzeOptions, progress: Progress = lambda _: None) 
         UseError: wrong options, a scene that cannot be used, or no algorithm that can.
     """
     families = families_of(options.methods)
+    chosen = chosen_maps(options)
+    if options.settings is not None:
+        family = family_of(chosen.other or chosen.adaptive)
+        require(
+            family in families,
+            f"the settings file '{options.settings}' is of {family}, which --methods leaves out; "
+            "name it there, or leave out --settings.",
+        )
     subject = subject_of(options, progress)
-    adaptive = adaptive_map(options)
     if ADAPTIVE in families:
-        adaptive.tree_shape(subject.frame.faces)
-    algorithms_of(families, adaptive, subject.frame.faces)
+        chosen.check(subject.frame.faces)
+    algorithms_of(families, chosen, subject.frame.faces)
     progress("truth")
     truth = subject.truth(options.repeats)
     progress("cost model")
     if ADAPTIVE in families:
         model = calibrated(subject.scene, subject.light, subject.rays, subject.frame, options)
-        adaptive = replace(adaptive, cost_model=model)
+        chosen = replace(chosen, adaptive=replace(chosen.adaptive, cost_model=model))
     left_out: list[str] = []
     analysed = []
-    for family, algorithm in algorithms_of(families, adaptive, subject.frame.faces).items():
+    for family, algorithm in algorithms_of(families, chosen, subject.frame.faces).items():
         progress(family)
         try:
             analysed.append(_analysed(family, algorithm, subject, truth, options.repeats))
@@ -108,33 +119,25 @@ def analyse_scene(options: AnalyzeOptions, progress: Progress = lambda _: None) 
         eyes=subject.eyes,
         frame=subject.frame,
         truth=truth,
-        adaptive=adaptive,
-        cost_model=adaptive.cost_model,
+        adaptive=chosen.adaptive,
+        cost_model=chosen.adaptive.cost_model,
         analysed=analysed,
-        sweep=_sweep(found, adaptive, subject, options, left_out, progress),
+        sweep=_sweep(found, chosen, subject, options, left_out, progress),
     )
 
 
-def families_of(wanted: Sequence[str]) -> list[str]:
-    """The families of those names in that order, each once; all of the registry without any.
-
-    Raises:
-        UseError: an unknown name.
-    """
-    for name in wanted:
-        if name not in ALGORITHMS:
-            raise unknown_name("method", name, ALGORITHMS, "Name others with --methods.")
-    return list(dict.fromkeys(wanted or ALGORITHMS))
-
-
 def algorithms_of(
-    families: Sequence[str], adaptive: AdaptiveShadowMap, faces: int
+    families: Sequence[str], chosen: ChosenMaps, faces: int
 ) -> dict[str, ShadowAlgorithm]:
-    """An algorithm of each family, `adaptive` itself among them; the others have as many texels as
-    fit into its memory for a light of so many faces (tables of charts, some kB, not counted)."""
-    settings: dict[str, Any] = {"resolution": resolution_for(adaptive.memory_bytes, faces)}
+    """An algorithm of each family, those that were chosen among them; the others have as many
+    texels as fit into the adaptive map's memory for a light of so many faces (tables of charts,
+    some kB, not counted)."""
+    settings: dict[str, Any] = {"resolution": resolution_for(chosen.adaptive.memory_bytes, faces)}
+    own: dict[str, ShadowAlgorithm] = {ADAPTIVE: chosen.adaptive}
+    if chosen.other is not None:
+        own[family_of(chosen.other)] = chosen.other
     return {
-        family: adaptive if family == ADAPTIVE else ALGORITHMS[family](**settings)
+        family: own[family] if family in own else ALGORITHMS[family](**settings)
         for family in families
     }
 
@@ -157,7 +160,7 @@ def _analysed(
 
 def _sweep(
     families: Sequence[str],
-    adaptive: AdaptiveShadowMap,
+    chosen: ChosenMaps,
     subject: Subject,
     options: AnalyzeOptions,
     left_out: list[str],
@@ -167,7 +170,7 @@ def _sweep(
     if options.angles == 0:
         return None
     eye = subject.eyes[0]
-    algorithms = algorithms_of(families, adaptive, 1)
+    algorithms = algorithms_of(families, chosen, 1)
     cases = _cases(subject, options, left_out, progress)
     return LightSweep(
         seen=view_range(eye),

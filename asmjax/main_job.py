@@ -10,8 +10,8 @@ from asmjax.options import RunOptions
 from asmjax.preparation import (
     Progress,
     StepBar,
-    adaptive_map,
     calibrated,
+    chosen_maps,
     make_folder,
     results_folder,
     subject_of,
@@ -22,6 +22,9 @@ from asmjax.shadow import UniformShadowMap, resolution_for
 
 _log = logging.getLogger("asmjax")
 
+_STEPS = 8
+"""Steps of progress without a further method."""
+
 
 def run_main_job(options: RunOptions) -> RunResult:
     """Measure, write the results below `options.out`, and print the table.
@@ -30,7 +33,9 @@ def run_main_job(options: RunOptions) -> RunResult:
         UseError: wrong options or a scene that cannot be used; nothing is written then.
     """
     folder = results_folder(options)
-    with tqdm(total=8, disable=options.quiet or None, leave=False, unit="step") as bar:
+    chosen = chosen_maps(options)
+    steps = _STEPS + (chosen.other is not None)
+    with tqdm(total=steps, disable=options.quiet or None, leave=False, unit="step") as bar:
         result = measure_scene(options, progress=StepBar(bar))
         bar.set_description("figures")
         make_folder(folder)
@@ -50,10 +55,11 @@ def measure_scene(options: RunOptions, progress: Progress = lambda _: None) -> R
     Raises:
         UseError: wrong options or a scene that cannot be used.
     """
+    chosen = chosen_maps(options)
     subject = subject_of(options, progress)
     eyes, frame, rays = subject.eyes, subject.frame, subject.rays
-    adaptive = adaptive_map(options)
-    adaptive.tree_shape(frame.faces)
+    chosen.check(frame.faces)
+    adaptive = chosen.adaptive
     uniform = UniformShadowMap(resolution_for(adaptive.memory_bytes, frame.faces))
     progress("truth")
     truth = subject.truth(options.repeats)
@@ -65,7 +71,13 @@ def measure_scene(options: RunOptions, progress: Progress = lambda _: None) -> R
     progress("maps")
     maps = analysis_maps(eyes[0], frame, uniform, flat.state)
     progress(adaptive.name)
-    tree = measure(adaptive, eyes, frame, rays, options.repeats)
+    methods = [flat, measure(adaptive, eyes, frame, rays, options.repeats)]
+    if chosen.other is not None:
+        progress(chosen.other.name)
+        other = measure(chosen.other, eyes, frame, rays, options.repeats)
+        # A flat map may have the name of the one that all are compared with.
+        taken = other.name == flat.name
+        methods.append(replace(other, name=f"{other.name}-settings") if taken else other)
     return RunResult(
         scene=subject.scene.name,
         variant=subject.scene.variant,
@@ -77,7 +89,7 @@ def measure_scene(options: RunOptions, progress: Progress = lambda _: None) -> R
         rays=rays,
         truth=truth,
         cost_model=cost_model,
-        methods=[flat, tree, truth],
+        methods=[*methods, truth],
         maps=maps,
         adaptive=adaptive,
     )

@@ -16,6 +16,15 @@ from asmjax.errors import require, unknown_name
 MEGABYTE = 2**20
 """Bytes in one MB of the command line."""
 
+MEMORY_MB = 16.0
+"""Memory limit where neither the options nor a settings file give one, MB."""
+
+PRICE = 0.1
+"""Of a second, where nothing is asked of a tuned map, in pixels of shadow edge."""
+
+LEAST_EVALUATIONS = 24
+"""Fewer cannot calibrate the surrogate that leads a search, and check what it says."""
+
 
 def _named(metavar: str, default: str) -> object:
     """An option that may be left out; `default` says in words what happens then."""
@@ -69,12 +78,17 @@ class WalkOptions:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class ComparisonOptions:
-    """Which algorithms are analysed, and under how many directions of light."""
+class MethodOptions:
+    """Which algorithms are measured."""
 
     methods: Annotated[tuple[str, ...], _named("NAME NAME ...", "all")] = ()
     """Families of shadow algorithms, such as uniform, adaptive, light-space, subdivided; an unknown
     name lists them all. Tracing shadow rays is always among the results."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class ComparisonOptions(MethodOptions):
+    """Which algorithms are analysed, and under how many directions of light."""
 
     angles: Annotated[int, arg(metavar="COUNT")] = 7
     """Directions of a parallel light, from 2 degrees off the view to 90 (overhead), for which the
@@ -85,19 +99,29 @@ class ComparisonOptions:
 class LimitOptions:
     """What a shadow map may cost."""
 
-    memory_mb: Annotated[float, arg(metavar="MB")] = 16.0
+    memory_mb: Annotated[float | None, _named("MB", f"{MEMORY_MB:g}")] = None
     """Memory of the adaptive map with all its arrays, never exceeded, and of the texels of each
     other map it is compared with, in MB (2^20 bytes)."""
 
     time_limit_ms: Annotated[float | None, _named("MS", "until nothing is left to gain")] = None
     """Time to build the adaptive map, in milliseconds; calibration is not counted."""
 
+    @property
+    def memory_bytes(self) -> int:
+        """The memory limit in bytes, of `MEMORY_MB` where none is given."""
+        return _memory_bytes(self.memory_mb)
+
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class MapOptions:
     """How the adaptive shadow map is built."""
 
-    preset: Annotated[str, arg(metavar="NAME")] = "default"
+    settings: Annotated[str | None, _named("FILE", "none")] = None
+    """Settings file (TOML) of a shadow algorithm; docs/settings.md explains it. Of an adaptive map:
+    the one that is measured. Of another: `run` and `compare` measure it as well, `analyze` in
+    its family's place."""
+
+    preset: Annotated[str | None, _named("NAME", "default")] = None
     """Settings of the adaptive map by name: default, or paper_2001 for the paper to the letter."""
 
     node_resolution: Annotated[int | None, _named("TEXELS", "as the preset says, 16")] = None
@@ -108,11 +132,8 @@ class MapOptions:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class MeasureOptions:
-    """How truth and time are measured."""
-
-    samples: Annotated[int, arg(metavar="COUNT")] = 1
-    """Samples per pixel: shadow rays of the ray-traced truth, and queries of every map."""
+class RepeatOptions:
+    """How often times are measured, and what chance decides."""
 
     repeats: Annotated[int, arg(metavar="COUNT")] = 3
     """Timed runs of each method after one to warm up; medians are reported."""
@@ -120,6 +141,93 @@ class MeasureOptions:
     seed: Annotated[int, arg(metavar="INT")] = 0
     """Seed of everything random. The same seed, cost model and no time limit give the
     same numbers."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class MeasureOptions(RepeatOptions):
+    """How truth and time are measured."""
+
+    samples: Annotated[int, arg(metavar="COUNT")] = 1
+    """Samples per pixel: shadow rays of the ray-traced truth, and queries of every map."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class TrialOptions:
+    """What is tried, and how much of it: memory is from 1/16 to 4 times --memory-mb."""
+
+    views: Annotated[tuple[str, ...], _named("VIEW VIEW ...", "the one of --view or --sensor")] = ()
+    """Named views or sensors that every algorithm is tried on; errors and times are of all of them
+    together."""
+
+    samples: Annotated[tuple[int, ...], arg(metavar="COUNT COUNT ...")] = (1, 16)
+    """Samples per pixel, each a comparison of its own: with many, a map is built once and asked
+    often, while every sample takes a shadow ray."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class PatienceOptions:
+    """How long it may take, and whether it begins anew."""
+
+    minutes: Annotated[float | None, _named("MINUTES", "until everything is tried")] = None
+    """Time after which no further trial begins. The most telling come first, and the same command
+    goes on from there."""
+
+    fresh: bool = False
+    """Forget the measurements that an earlier run left in the folder; otherwise those of the same
+    scene, views, settings and machine are used again."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class GoalOptions:
+    """What is asked of the map: one of these three at most."""
+
+    price: Annotated[float | None, _named("PX_PER_S", f"{PRICE:g}")] = None
+    """What a second is worth: least wrong pixels per pixel of shadow edge + price x seconds."""
+
+    within_ms: Annotated[float | None, _named("MS", "no limit")] = None
+    """Least error within so many milliseconds from nothing to the last pixel."""
+
+    error: Annotated[float | None, _named("PX", "no limit")] = None
+    """Least time within so many wrong pixels per pixel of shadow edge."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class SearchOptions:
+    """Where settings are tried, and how often."""
+
+    views: Annotated[tuple[str, ...], _named("VIEW VIEW ...", "two places on a path")] = ()
+    """Named views or sensors that settings are tuned on, with --held-out. Without both: places on
+    the scene's own path, or on an arc of 20 degrees about what the view sees."""
+
+    held_out: Annotated[tuple[str, ...], _named("VIEW VIEW ...", "two places between them")] = ()
+    """Other views, on which the best settings are measured again, and which choose among them."""
+
+    evaluations: Annotated[int, arg(metavar="COUNT")] = 36
+    """Settings that the search may try on the real map, 24 or more; the default, a grid of 32 and
+    those that are measured on the held-out views come on top."""
+
+    repeats: Annotated[int, arg(metavar="COUNT")] = 5
+    """Timed runs on the held-out views after one to warm up."""
+
+    seed: Annotated[int, arg(metavar="INT")] = 0
+    """Seed of everything random."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class TunedMapOptions:
+    """The map whose settings are tuned."""
+
+    memory_mb: Annotated[float | None, _named("MB", f"{MEMORY_MB:g}")] = None
+    """The most memory that any settings may use, with all arrays, in MB (2^20 bytes)."""
+
+    settings: Annotated[str | None, _named("FILE", "the default settings")] = None
+    """Settings file (TOML) of an adaptive map, which counts as the default: what is not tuned stays
+    as it says."""
+
+    @property
+    def memory_bytes(self) -> int:
+        """As of `LimitOptions`."""
+        return _memory_bytes(self.memory_mb)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -136,18 +244,23 @@ class MachineOptions:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class OutputOptions:
-    """What is written, and where."""
+class FolderOptions:
+    """Where results are written."""
 
     out: Annotated[str | None, _named("DIR", "out/<command>-<scene>")] = None
     """Folder for report.json and the figures."""
 
+    quiet: bool = False
+    """No progress bar and no table; warnings and errors still appear."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class OutputOptions(FolderOptions):
+    """What is written, and where."""
+
     save_arrays: bool = False
     """Also write arrays.npz: truth, visibilities and all maps, row 0 at the top. Of a walkthrough,
     frame_0000.npz and so on, without the maps."""
-
-    quiet: bool = False
-    """No progress bar and no table; warnings and errors still appear."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -198,7 +311,91 @@ class AnalyzeOptions(
         _at_least(0, "--angles", self.angles, "directions")
 
 
-JobOptions = RunOptions | AnalyzeOptions
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class CompareOptions(
+    SceneOptions,
+    TrialOptions,
+    PatienceOptions,
+    MethodOptions,
+    LimitOptions,
+    MapOptions,
+    RepeatOptions,
+    MachineOptions,
+    FolderOptions,
+):
+    """Options of `asmjax compare`.
+
+    Raises:
+        UseError: as `RunOptions`.
+    """
+
+    command: ClassVar[str] = "compare"
+
+    def __post_init__(self):
+        _check_limits(self)
+        require(len(self.samples) > 0, "--samples names no number of samples; give 1 or more.")
+        for samples in self.samples:
+            _at_least(1, "--samples", samples, "sample per pixel")
+        _check_patience(self)
+        require(
+            not self.views or (self.view is None and self.sensor is None),
+            "--views and --view or --sensor both say what is looked at; give one of them.",
+        )
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class TuneOptions(
+    SceneOptions,
+    GoalOptions,
+    SearchOptions,
+    PatienceOptions,
+    TunedMapOptions,
+    MachineOptions,
+    FolderOptions,
+):
+    """Options of `asmjax tune`.
+
+    Raises:
+        UseError: as `RunOptions`.
+    """
+
+    command: ClassVar[str] = "tune"
+
+    def __post_init__(self):
+        goals = {"--price": self.price, "--within-ms": self.within_ms, "--error": self.error}
+        given = [name for name, value in goals.items() if value is not None]
+        require(
+            len(given) <= 1,
+            f"{' and '.join(given)} are different goals; give one of them.",
+        )
+        for name in given:
+            _above(0, name, goals[name])
+        _check_patience(self)
+        if self.memory_mb is not None:
+            _at_least(1e-6, "--memory-mb", self.memory_mb, "MB")
+        _at_least(LEAST_EVALUATIONS, "--evaluations", self.evaluations, "settings")
+        _at_least(1, "--repeats", self.repeats, "timed run")
+        _at_least(0, "--seed", self.seed, "")
+        require(
+            bool(self.views) == bool(self.held_out),
+            "--views says what is tuned on, --held-out what chooses; give both, or neither.",
+        )
+        both = [name for name in self.views if name in self.held_out]
+        require(
+            not both,
+            f"view '{' and '.join(both)}' is named by --views and by --held-out; views that choose "
+            "must not be tuned on: leave it out of one.",
+        )
+        require(
+            not self.views or (self.view is None and self.sensor is None),
+            "--views and --view or --sensor both say what is looked at; give one of them.",
+        )
+
+
+MapJobOptions = RunOptions | AnalyzeOptions | CompareOptions
+"""Options of the commands that measure maps with settings that are given."""
+
+JobOptions = MapJobOptions | TuneOptions
 """Options of the commands that measure a scene."""
 
 
@@ -218,16 +415,22 @@ class InfoOptions:
     """Print JSON instead of text."""
 
 
-def _check_measured(options: JobOptions) -> None:
+def _check_measured(options: RunOptions | AnalyzeOptions) -> None:
+    """What commands that measure one view ask of their numbers."""
+    _check_limits(options)
+    _at_least(1, "--samples", options.samples, "ray per pixel")
+
+
+def _check_limits(options: MapJobOptions) -> None:
     """What all commands that measure a scene ask of their numbers."""
-    _at_least(1e-6, "--memory-mb", options.memory_mb, "MB")
+    if options.memory_mb is not None:
+        _at_least(1e-6, "--memory-mb", options.memory_mb, "MB")
     if options.time_limit_ms is not None:
         _at_least(1e-3, "--time-limit-ms", options.time_limit_ms, "milliseconds")
     if options.node_resolution is not None:
         _at_least(1, "--node-resolution", options.node_resolution, "texels")
     if options.cells is not None:
         _at_least(1, "--cells", options.cells, "cell per side")
-    _at_least(1, "--samples", options.samples, "ray per pixel")
     _at_least(1, "--repeats", options.repeats, "timed run")
     _at_least(0, "--seed", options.seed, "")
 
@@ -258,6 +461,22 @@ def _check_walk(options: RunOptions) -> None:
     require(
         options.view is None and options.sensor is None,
         "--keys and --view or --sensor both say where the camera is; give one of them.",
+    )
+
+
+def _check_patience(options: PatienceOptions) -> None:
+    if options.minutes is not None:
+        _at_least(1e-3, "--minutes", options.minutes, "minutes")
+
+
+def _memory_bytes(memory_mb: float | None) -> int:
+    return int((MEMORY_MB if memory_mb is None else memory_mb) * MEGABYTE)
+
+
+def _above(least: float, option: str, got: float | None) -> None:
+    require(
+        got is not None and math.isfinite(got) and got > least,
+        f"{option} is {got}; allowed: a finite number above {least:g}; choose another {option}",
     )
 
 

@@ -2,6 +2,7 @@
 
 import math
 import os
+import re
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -15,13 +16,21 @@ from asmjax.buffers import EyeBuffer, LightRays
 from asmjax.errors import UseError, require
 from asmjax.experiment import Measured, measure_rays
 from asmjax.experiment.bench import Bench
+from asmjax.experiment.ledger import Ledger
 from asmjax.geometry import LightFrame
-from asmjax.options import MEGABYTE, JobOptions
+from asmjax.options import AnalyzeOptions, JobOptions, MapJobOptions, RunOptions
 from asmjax.render.caster import MitsubaRays
 from asmjax.render.load import Scene, load_scene
+from asmjax.scene.path import CameraPath, aimed_at, orbit_keys
 from asmjax.scene.spec import LightSpec, ViewSpec
-from asmjax.shadow import AdaptiveShadowMap, CostModel, preset
+from asmjax.shadow import AdaptiveShadowMap, CostModel, ShadowAlgorithm, preset, read_settings
 from asmjax.shadow.adaptive import kept_or_measured, on_this_machine
+
+MEASUREMENTS = "measurements.jsonl"
+"""File of finished measurements in the folder of the results."""
+
+AIM_SIDE = 32
+"""Side in pixels of the image from which the distance of what a view sees is taken."""
 
 GOLDEN = (0.7548776662466927, 0.5698402909980532)
 """Steps of the R2 sequence (Roberts 2018): evenly spread points for any number of samples."""
@@ -67,7 +76,7 @@ class Subject:
         return measure_rays(traced, self.eyes, repeats)
 
 
-def subject_of(options: JobOptions, progress: Progress) -> Subject:
+def subject_of(options: RunOptions | AnalyzeOptions, progress: Progress) -> Subject:
     """What the options name, loaded and seen; two steps of progress.
 
     Raises:
@@ -131,6 +140,28 @@ def _plain(value: Any) -> Any:
     return str(value) if isinstance(value, float) and not math.isfinite(value) else value
 
 
+def check_edges(bench: Bench, scene: Scene) -> None:
+    """Raise `UseError` where a view sees no edge of a shadow."""
+    require(
+        bench.edge_length > 0,
+        f"view '{bench.view}' of scene '{scene.name}' sees no edge of a shadow, so that errors per "
+        "pixel of edge mean nothing there; choose other views (--view, --views) or another "
+        "--light.",
+    )
+
+
+def kept_measurements(folder: Path, fresh: bool) -> Ledger:
+    """The measurements in a folder that exists; `fresh` forgets those of earlier runs.
+
+    Raises:
+        UseError: as `Ledger`.
+    """
+    path = folder / MEASUREMENTS
+    if fresh:
+        path.unlink(missing_ok=True)
+    return Ledger(path)
+
+
 def results_folder(options: JobOptions) -> Path:
     """Where the results go. Raises `UseError` where they cannot; makes nothing yet."""
     scene = Path(options.scene)
@@ -180,21 +211,88 @@ def chosen_view(scene: Scene, options: JobOptions) -> ViewSpec:
     return sized(scene.view(options.sensor if options.view is None else options.view), options)
 
 
+def own_path(scene: Scene, options: JobOptions) -> tuple[CameraPath, str]:
+    """The scene's own path, unless a view is named or there is none; else an arc about what the
+    view sees. With what it is in words.
+
+    Raises:
+        UseError: no such view, or one that sees nothing.
+    """
+    view = chosen_view(scene, options)
+    if scene.path and options.view is None and options.sensor is None:
+        return CameraPath([sized(key, options) for key in scene.path]), "path of the scene"
+    return CameraPath(orbit_keys(aimed(scene, view))), f"arc from {view.name}"
+
+
+def aimed(scene: Scene, view: ViewSpec) -> ViewSpec:
+    """`view` with its target as far away as what it sees, by the median over its pixels."""
+    eye = scene.eye(view.resized(AIM_SIDE, AIM_SIDE))
+    return aimed_at(view, float(np.median(eye.depth[eye.valid])))
+
+
 def sized(view: ViewSpec, options: JobOptions) -> ViewSpec:
     """`view` at the size that the options name, if they do."""
     return view if options.size is None else view.resized(*options.size)
 
 
-def adaptive_map(options: JobOptions) -> AdaptiveShadowMap:
-    """The adaptive map of the options, not calibrated yet. Raises `UseError` as its settings do."""
+@dataclass(frozen=True, eq=False)
+class ChosenMaps:
+    """The shadow maps that the options ask for, not calibrated yet.
+
+    Attributes:
+        adaptive: of the settings file if it is of its family, else of the other options.
+        other: of a settings file of another family; None without one.
+        source: the settings file if it is the adaptive map's.
+    """
+
+    adaptive: AdaptiveShadowMap
+    other: ShadowAlgorithm | None = None
+    source: str | None = None
+
+    def check(self, faces: int) -> None:
+        """Raise `UseError` where a light of so many faces needs more than the adaptive map may
+        use, in the words of who set that limit."""
+        try:
+            self.adaptive.tree_shape(faces)
+        except UseError as problem:
+            if self.source is None:
+                raise
+            words = re.sub("--[a-z-]+", lambda word: word[0][2:].replace("-", "_"), str(problem))
+            raise UseError(f"settings file '{self.source}': {words}") from problem
+
+
+def chosen_maps(options: MapJobOptions) -> ChosenMaps:
+    """The maps of the options and their settings file.
+
+    Raises:
+        UseError: as `read_settings` and the settings do, or an option says what an adaptive
+            settings file says too.
+    """
+    if options.settings is None:
+        return ChosenMaps(adaptive_map(options))
+    chosen = read_settings(options.settings)
+    if not isinstance(chosen, AdaptiveShadowMap):
+        return ChosenMaps(adaptive_map(options), other=chosen)
+    for name in ("memory_mb", "time_limit_ms", "preset", "node_resolution", "cells"):
+        require(
+            getattr(options, name) is None,
+            f"--{name.replace('_', '-')} and the settings file '{options.settings}' both say how "
+            "the adaptive map is built; give it in the file, or leave out --settings.",
+        )
+    return ChosenMaps(chosen, source=options.settings)
+
+
+def adaptive_map(options: MapJobOptions) -> AdaptiveShadowMap:
+    """The adaptive map of the options but for their settings file, not calibrated yet. Raises
+    `UseError` as its settings do."""
     changes = {
         name: value
         for name in ("node_resolution", "cells")
         if (value := getattr(options, name)) is not None
     }
     return preset(
-        options.preset,
-        memory_bytes=int(options.memory_mb * MEGABYTE),
+        options.preset or "default",
+        memory_bytes=options.memory_bytes,
         time_limit=None if options.time_limit_ms is None else options.time_limit_ms / 1000,
         **changes,
     )

@@ -8,15 +8,17 @@ from dataclasses import replace
 import numpy as np
 from tqdm import tqdm
 
-from asmjax.errors import UseError
+from asmjax.errors import UseError, require
 from asmjax.experiment import timed
 from asmjax.experiment.walkthrough import FrameInput, FrameResult, Walkthrough
 from asmjax.options import RunOptions
 from asmjax.preparation import (
-    adaptive_map,
+    aimed,
     calibrated,
+    chosen_maps,
     chosen_view,
     make_folder,
+    own_path,
     results_folder,
     sample_offsets,
     sized,
@@ -27,7 +29,7 @@ from asmjax.report.walk_files import WalkFiles
 from asmjax.report.walk_record import COMPLETE, WalkRecord, WalkSetting
 from asmjax.report.walk_table import walkthrough_table
 from asmjax.scene.motion import OBJECT_RADIUS, circle, moved_light
-from asmjax.scene.path import CameraPath, aimed_at, orbit_keys
+from asmjax.scene.path import CameraPath
 from asmjax.scene.spec import ViewSpec
 
 _log = logging.getLogger("asmjax")
@@ -37,9 +39,6 @@ LONG_WALK = 12
 
 WARM_FRAMES = 2
 """Frames that are measured and forgotten before frame 0 counts, so that all code is compiled."""
-
-AIM_SIDE = 32
-"""Side in pixels of the image from which the distance of what a view sees is taken."""
 
 
 def run_walkthrough(options: RunOptions) -> dict:
@@ -113,6 +112,13 @@ class Walk:
     def __init__(self, options: RunOptions, progress: Callable[[str], None] = lambda _: None):
         if options.frames is None:
             raise UseError("a walkthrough needs a number of frames; give --frames.")
+        chosen = chosen_maps(options)
+        require(
+            chosen.other is None,
+            f"a walkthrough sets the adaptive map beside a uniform map of its memory, but "
+            f"'{options.settings}' is of another algorithm; name a file of an adaptive map, or "
+            "leave out --frames.",
+        )
         self._options, self._progress = options, progress
         self._scene = scene = load_scene(options.scene, options.variant)
         self._light = scene.light(options.light)
@@ -121,10 +127,9 @@ class Walk:
         self._offsets = sample_offsets(options.samples, options.seed)
         progress("cost model")
         first = next(self._inputs(1))
-        adaptive = adaptive_map(options)
-        adaptive.tree_shape(first.kept.faces)
+        chosen.check(first.kept.faces)
         cost_model = calibrated(scene, self._light, first.rays, first.kept, options)
-        adaptive = replace(adaptive, cost_model=cost_model)
+        adaptive = replace(chosen.adaptive, cost_model=cost_model)
         long = options.frames >= LONG_WALK
         self._walkthrough = Walkthrough(adaptive, options.repeats, compile_all=long)
         self.setting = WalkSetting(
@@ -197,18 +202,10 @@ def camera_path(scene: Scene, options: RunOptions) -> tuple[CameraPath, str]:
     if options.keys:
         keys = [aimed(scene, sized(scene.view(name), options)) for name in options.keys]
         return CameraPath(keys), f"path {' - '.join(key.name for key in keys)}"
-    view = chosen_view(scene, options)
     if options.motion != "camera":
+        view = chosen_view(scene, options)
         return CameraPath([view]), view.name
-    if scene.path and options.view is None and options.sensor is None:
-        return CameraPath([sized(key, options) for key in scene.path]), "path of the scene"
-    return CameraPath(orbit_keys(aimed(scene, view))), f"arc from {view.name}"
-
-
-def aimed(scene: Scene, view: ViewSpec) -> ViewSpec:
-    """`view` with its target as far away as what it sees, by the median over its pixels."""
-    eye = scene.eye(view.resized(AIM_SIDE, AIM_SIDE))
-    return aimed_at(view, float(np.median(eye.depth[eye.valid])))
+    return own_path(scene, options)
 
 
 def _reason(problem: BaseException) -> str:

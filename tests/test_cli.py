@@ -37,19 +37,19 @@ def main_job(monkeypatch):
     stand_in = types.SimpleNamespace(action=lambda options: None)
     vars(module)["run_main_job"] = lambda options: stand_in.action(options)
     monkeypatch.setitem(sys.modules, "asmjax.main_job", module)
-    monkeypatch.setattr("asmjax.cli.run.enable_compilation_cache", lambda: None)
+    monkeypatch.setattr("asmjax.cli.prepare_to_measure", lambda: None)
     return stand_in
 
 
 def test_defaults():
     assert parsed("run") == RunOptions()
-    assert parsed("run").scene == "paper_room" and parsed("run").memory_mb == 16.0
+    assert parsed("run").scene == "paper_room" and parsed("run").memory_bytes == 16 * 2**20
 
 
 def test_every_option_arrives():
     words = (
         "run terrain --view low --size 256 128 --sensor 1 --light sun --memory-mb 0.5 "
-        "--time-limit-ms 2.5 --node-resolution 64 --cells 4 --preset paper_2001 "
+        "--time-limit-ms 2.5 --node-resolution 64 --cells 4 --preset paper_2001 --settings my.toml "
         "--samples 16 --repeats 1 --seed 7 --variant scalar_rgb --recalibrate "
         "--out there --save-arrays --quiet"
     )
@@ -64,6 +64,7 @@ def test_every_option_arrives():
         node_resolution=64,
         cells=4,
         preset="paper_2001",
+        settings="my.toml",
         samples=16,
         repeats=1,
         seed=7,
@@ -110,7 +111,7 @@ def test_analyze_has_the_options_of_run_but_those_of_walks():
     ("words", "said"),
     [
         ("", "Expected one of"),
-        ("runn", "Available subcommands: run, analyze, scenes, info"),
+        ("runn", "Available subcommands: run, analyze, compare"),
         ("--frobnicate", "Unrecognized options"),
         ("run --szie 3 4", "Perhaps you meant: --size W H"),
         ("run --size 3", "expected INT INT, got '3'"),

@@ -10,6 +10,13 @@ from helpers.mitsuba_scenes import real_scene
 from asmjax import cli
 from asmjax.options import RunOptions
 from asmjax.report import validate_report
+from asmjax.shadow import (
+    AdaptiveShadowMap,
+    LightSpaceShadowMap,
+    ShadowAlgorithm,
+    UniformShadowMap,
+    write_settings,
+)
 
 pytestmark = pytest.mark.mitsuba
 
@@ -138,6 +145,54 @@ def test_the_cost_model_is_kept_and_the_report_says_so(tmp_path, monkeypatch, no
     assert all(model["measured_at"].endswith("+00:00") for model in models)
 
 
+def of_file(folder: Path, algorithm: ShadowAlgorithm, *words: str) -> dict:
+    """The report of a small run with a settings file of `algorithm`."""
+    write_settings(folder / "my.toml", algorithm)
+    small = ["--size", "96", "64", "--repeats", "1", "--quiet", "--out", str(folder / "out")]
+    settings = ["--settings", str(folder / "my.toml")]
+    assert cli.main(["run", "letter_f", *small, *settings, *words]) == 0
+    report = json.loads((folder / "out" / "report.json").read_text(encoding="utf-8"))
+    validate_report(report)
+    return report
+
+
+def test_an_adaptive_settings_file_is_the_adaptive_map(tmp_path, no_figures):
+    """All its settings are the report's, and the uniform map keeps no more than it may use."""
+    report = of_file(tmp_path, AdaptiveShadowMap(memory_bytes=2**20, bias=1e-5, cover=False))
+    uniform, adaptive, rays = report["methods"]
+    assert [uniform["name"], adaptive["name"], rays["name"]] == [
+        "uniform-512", "adaptive-1MB", "rays-1",
+    ]  # fmt: skip
+    assert adaptive["settings"]["bias"] == 1e-5 and adaptive["settings"]["cover"] is False
+    assert adaptive["settings"]["node_resolution"] == 16
+    assert max(uniform["bytes"], adaptive["bytes"]) <= 2**20
+
+
+def test_another_settings_file_is_one_more_method(tmp_path):
+    """In report, table and figures, beside the maps of the other options."""
+    chosen = LightSpaceShadowMap(resolution=64, falloff="sine")
+    report = of_file(tmp_path, chosen, "--memory-mb", "1", "--save-arrays")
+    names = [method["name"] for method in report["methods"]]
+    assert names == ["uniform-512", "adaptive-1MB", "light-space-64", "rays-1"]
+    assert report["methods"][2]["settings"]["falloff"] == "sine"
+    assert report["methods"][2]["bytes"] >= 64 * 64 * 4
+    assert fractions(report)["uniform"] < fractions(report)["light"] < 0.5
+    out = tmp_path / "out"
+    assert {path.stem for path in out.glob("*.png")} == FIGURES
+    assert "visibility_light-space-64" in np.load(out / "arrays.npz").files
+    assert "\nlight-space-64," in (out / "methods.csv").read_text(encoding="utf-8")
+
+
+def test_a_uniform_settings_file_keeps_its_own_name(tmp_path, no_figures):
+    """Of the same resolution as the map that all are compared with, but not the same map."""
+    report = of_file(tmp_path, UniformShadowMap(512, bias=0.5), "--memory-mb", "1")
+    plain, _, own, _ = report["methods"]
+    assert [plain["name"], own["name"]] == ["uniform-512", "uniform-512-settings"]
+    assert own["settings"] == plain["settings"] | {"bias": 0.5}
+    lit = [method["error"]["false_lit_fraction"] for method in (plain, own)]
+    assert lit[1] > lit[0]  # half of the depth hides every caster
+
+
 def scene_file(folder: Path, sensor: str = SENSOR, light: str = LIGHT) -> str:
     path = folder / "scene.xml"
     path.write_text(SCENE.format(sensor=sensor, light=light), encoding="utf-8")
@@ -169,7 +224,27 @@ BAD = {
     "node resolution": (lambda f: ["letter_f", "--node-resolution", "17"], "powers of two"),
     "cells": (lambda f: ["letter_f", "--cells", "3"], "2, 4, 8"),
     "time limit": (lambda f: ["letter_f", "--time-limit-ms", "0"], "--time-limit-ms"),
+    "no settings file": (lambda f: ["--settings", str(f / "my.toml")], "No such file"),
+    "settings folder": (lambda f: ["--settings", str(f)], "Is a directory"),
+    "broken settings": (lambda f: _settings(f, "keep true"), "line 3"),
+    "misspelt settings": (lambda f: _settings(f, "kep = true"), "Did you mean 'keep'?"),
+    "quoted settings": (lambda f: _settings(f, 'bias = "0"'), "a number, without quotes"),
+    "settings of no kind": (lambda f: _settings(f, "", "unifrom"), "Did you mean 'uniform'?"),
+    "settings said twice": (
+        lambda f: [*_settings(f, "", "adaptive"), "--preset", "paper_2001"],
+        "--preset and the settings file",
+    ),
+    "settings below one node": (
+        lambda f: ["letter_f", *_settings(f, "memory_mb = 0.001", "adaptive")],
+        "raise memory_mb",
+    ),
 }
+
+
+def _settings(folder: Path, line: str, family: str = "uniform") -> list[str]:
+    path = folder / "my.toml"
+    path.write_text(f'algorithm = "{family}"\n[settings]\n{line}\n', encoding="utf-8")
+    return ["--settings", str(path)]
 
 
 def _written(folder: Path, text: str) -> str:

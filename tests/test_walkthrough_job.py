@@ -15,7 +15,8 @@ from asmjax.options import RunOptions
 from asmjax.render.load import load_scene
 from asmjax.report import validate_report
 from asmjax.report.outputs import SINGLE_RUN
-from asmjax.walkthrough_job import camera_path
+from asmjax.shadow import AdaptiveShadowMap, UniformShadowMap, write_settings
+from asmjax.walkthrough_job import camera_path, measure_walkthrough
 
 pytestmark = pytest.mark.mitsuba
 
@@ -93,6 +94,30 @@ def test_an_object_moves(tmp_path):
                 frame["frame"],
                 method["name"],
             )
+
+
+def test_a_settings_file_is_the_adaptive_map_of_the_walk(tmp_path):
+    """Its memory limit is the report's, and the uniform maps have as many bytes."""
+    write_settings(tmp_path / "my.toml", AdaptiveShadowMap(memory_bytes=2**18, bias=1e-5))
+    options = RunOptions(
+        scene="letter_f", frames=2, size=(48, 32), repeats=1, settings=str(tmp_path / "my.toml")
+    )
+    report = measure_walkthrough(options)
+    validate_report(report)
+    assert report["memory_limit_bytes"] == 2**18
+    names = [method["name"] for method in report["frames"][1]["methods"]]
+    assert names == ["uniform-256", "uniform-256-kept", "adaptive-0.25MB", "rays-1"]
+    assert report["frames"][1]["methods"][2]["settings"]["bias"] == 1e-5
+
+
+def test_a_walk_takes_no_settings_of_another_algorithm(tmp_path, capfd):
+    """One line says why, and what can be done."""
+    write_settings(tmp_path / "my.toml", UniformShadowMap(64))
+    words = ["--frames", "2", "--settings", str(tmp_path / "my.toml"), "--out", str(tmp_path / "o")]
+    assert cli.main(["run", "letter_f", *words]) == 2
+    printed = capfd.readouterr().err.strip()
+    assert "name a file of an adaptive map, or leave out --frames" in printed
+    assert printed.count("\n") == 0 and not (tmp_path / "o").exists()
 
 
 def test_nothing_moves_and_python_writes_no_files(tmp_path, monkeypatch):

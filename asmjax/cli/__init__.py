@@ -18,12 +18,14 @@ from asmjax.errors import UseError
 class Command:
     """One subcommand: `options` and `action` are "module:name", imported when needed.
 
-    `action` takes the options object; what it returns is ignored.
+    `action` takes the options object; what it returns is ignored. Of a command that `measures`,
+    compiled code is remembered between calls.
     """
 
     summary: str
     options: str
     action: str
+    measures: bool = False
 
 
 COMMANDS = {
@@ -32,13 +34,29 @@ COMMANDS = {
         "truth; maps of footprints, figures, a table and report.json.",
         "asmjax.options:RunOptions",
         "asmjax.cli.run:run",
+        measures=True,
     ),
     "analyze": Command(
         "Perspective aliasing of all shadow algorithms at equal memory: maps and numbers of texel "
         "beside pixel width, over light directions beside the theory, predicted and measured "
         "displacement of shadow edges.",
         "asmjax.options:AnalyzeOptions",
-        "asmjax.cli:analyze",
+        "asmjax.analyze_job:run_analysis",
+        measures=True,
+    ),
+    "compare": Command(
+        "What accuracy costs: every shadow algorithm over its range of settings, error against "
+        "time and memory beside traced rays, and what each needs for a given error.",
+        "asmjax.options:CompareOptions",
+        "asmjax.compare_job:run_comparison",
+        measures=True,
+    ),
+    "tune": Command(
+        "Settings of the adaptive map for a price of time or within a limit: found on some views, "
+        "chosen by measurement on others, beside the best of a grid and of a random search.",
+        "asmjax.options:TuneOptions",
+        "asmjax.tune_job:run_tuning",
+        measures=True,
     ),
     "scenes": Command(
         "The built-in scenes, with their views and lights.",
@@ -61,6 +79,8 @@ def main(arguments: list[str] | None = None) -> int:
         from asmjax.cli.parse import parse
 
         name, options = parse(arguments, COMMANDS)
+        if COMMANDS[name].measures:
+            prepare_to_measure()
         load(COMMANDS[name].action)(options)
         sys.stdout.flush()
     except UseError as problem:
@@ -78,16 +98,13 @@ def main(arguments: list[str] | None = None) -> int:
     return 0
 
 
-def analyze(options) -> None:
-    """`asmjax analyze`, with compiled code remembered between calls; see `asmjax.analyze_job`."""
+def prepare_to_measure() -> None:
+    """Keep compiled code between calls, and freed memory within this one."""
     from asmjax.cli.caches import enable_compilation_cache
     from asmjax.machine import keep_freed_memory
 
     enable_compilation_cache()
     keep_freed_memory()
-    from asmjax.analyze_job import run_analysis
-
-    run_analysis(options)
 
 
 def load(reference: str):

@@ -32,6 +32,12 @@ ANALYSIS = (
 )
 """What `asmjax analyze` writes, beside report.json."""
 
+COMPARISON = ("trials.csv", "costs_[0-9]*.png")
+"""What `asmjax compare` writes, beside report.json and the measurements."""
+
+TUNING = ("tuned.toml", "tried.csv", "tried.png", "surrogate.png", "sensitivity.png")
+"""What `asmjax tune` writes, beside report.json and the measurements."""
+
 
 def remove(folder: Path, patterns: tuple[str, ...]) -> None:
     """Delete the files in `folder` of those names: of an earlier run, they would not belong to

@@ -6,11 +6,11 @@ import os
 import shlex
 from collections.abc import Mapping, Sequence
 from operator import index
-from pathlib import Path
 from typing import SupportsIndex
 
 import numpy as np
 
+from asmjax.paths import write_atomic
 from asmjax.report.keys import InvalidReport, first_unstorable
 from asmjax.report.schema import RUN_SCHEMA, validate_report
 
@@ -59,7 +59,7 @@ def method_record(
     texels = None if effective_resolution is None else index(effective_resolution)
     return {
         "name": name,
-        "settings": {setting: _storable(value) for setting, value in settings.items()},
+        "settings": {setting: storable(value) for setting, value in settings.items()},
         "effective_resolution": texels,
         "bytes": index(bytes),
         "rays": index(rays),
@@ -68,7 +68,7 @@ def method_record(
     } | adaptive
 
 
-def _storable(value):
+def storable(value):
     """A setting as JSON can hold it: a number that is not finite becomes its name, as "inf"."""
     return str(value) if isinstance(value, float) and not math.isfinite(value) else value
 
@@ -174,25 +174,3 @@ def write_json(path: str | os.PathLike, report: dict) -> None:
     if problem:
         raise InvalidReport(problem)
     write_atomic(path, json.dumps(report, indent=2, allow_nan=False) + "\n")
-
-
-def write_atomic(path: str | os.PathLike, text: str) -> None:
-    """Replace the file at `path` by `text` in UTF-8, in one step that survives a power cut."""
-    target = Path(path)
-    # Same folder: a rename is atomic only within one file system.
-    scratch = target.with_name(f".{target.name}.{os.getpid()}.tmp")
-    try:
-        with scratch.open("w", encoding="utf-8", newline="") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(scratch, target)
-    except BaseException:
-        scratch.unlink(missing_ok=True)
-        raise
-    if os.name == "posix":
-        folder = os.open(target.parent, os.O_RDONLY)
-        try:
-            os.fsync(folder)
-        finally:
-            os.close(folder)

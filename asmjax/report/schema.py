@@ -2,20 +2,29 @@
 
 The validator, the documentation test and the CSV header all read these tables. Version 1 of
 `asmjax run` is "asmjax/run/1", of its walkthroughs "asmjax/walkthrough/1", of `asmjax analyze`
-"asmjax/aliasing/1"; a change that could break a reader raises the number.
+"asmjax/aliasing/1", of `asmjax compare` "asmjax/comparison/1", of `asmjax tune` "asmjax/tuning/1"
+(the keys of these two have files of their own); a change that could break a reader raises the
+number.
 """
 
 from collections.abc import Mapping
 from dataclasses import replace
 
+from asmjax.report.compare_schema import COMPARISON_KEYS, COMPARISON_SCHEMA, check_comparison
 from asmjax.report.keys import InvalidReport, Key, check_keys
+from asmjax.report.schema_parts import COST_MODEL, ERROR, HEAD, NOTICES
+from asmjax.report.tune_schema import TUNING_KEYS, TUNING_SCHEMA, check_tuning
 
 RUN_SCHEMA = "asmjax/run/1"
 WALKTHROUGH_SCHEMA = "asmjax/walkthrough/1"
 ALIASING_SCHEMA = "asmjax/aliasing/1"
 
-METHOD_KINDS = ("uniform", "adaptive", "rays")
-"""What the name of a method begins with."""
+METHOD_KINDS = (
+    "uniform", "adaptive", "perspective", "light-space", "trapezoidal", "logarithmic",
+    "partitioned", "subdivided", "tuned", "rays",
+)  # fmt: skip
+"""What the name of a method begins with: the families of the registry, which is not imported here
+as it loads JAX, and traced rays."""
 
 MAP_NAMES = ("area_ratio", "linear_ratio", "m", "n_required", "benefit")
 """Maps of one value per eye pixel, summarised in the report and stored by `--save-arrays`."""
@@ -28,23 +37,6 @@ _SUMMARY = {
     "count": Key("count", "how many pixels these are; with 0 the three above are 0", False),
 }
 
-_ERROR = {
-    "misclassified_fraction": Key("fraction", "wrong pixels / valid pixels"),
-    "false_lit_fraction": Key("fraction", "shadowed in truth, lit by the method"),
-    "false_dark_fraction": Key("fraction", "lit in truth, shadowed by the method"),
-    "boundary_displacement_px": Key(
-        {
-            "mean": Key("amount", "mean distance between shadow boundaries, pixels"),
-            "p95": Key("amount", "95th percentile, pixels"),
-            "hausdorff": Key("amount", "largest distance, pixels", False),
-            "unmatched_fraction": Key("fraction", "share of edges with no partner", False),
-            "per_edge_length": Key(
-                "amount", "wrong pixels per pixel of true boundary, pixels", False
-            ),
-        },
-        "how far shadow edges move in the image",
-    ),
-}
 
 _SECONDS = {
     "build": Key("amount", "casting and storing texels, seconds"),
@@ -54,7 +46,7 @@ _SECONDS = {
 }
 
 _METHOD = {
-    "name": Key("text", "begins with uniform, adaptive or rays; unique in the report"),
+    "name": Key("text", "begins with a family of the registry, or rays; unique in the report"),
     "settings": Key("any object", "all settings that the method ran with"),
     "effective_resolution": Key(
         "count", "texels per side of a flat map as fine as its finest part", nullable=True
@@ -62,7 +54,7 @@ _METHOD = {
     "bytes": Key("count", "memory of all arrays that the method keeps, bytes"),
     "rays": Key("count", "rays cast"),
     "seconds": Key(_SECONDS, "wall time by stage"),
-    "error": Key(_ERROR, "errors against truth"),
+    "error": Key(ERROR, "errors against truth"),
     "nodes": Key("count", "nodes of the tree that hold texels", False),
     "passes": Key("count", "launches of light rays, the starting resolution included", False),
     "max_level": Key("count", "level of the deepest node, 0 for the root", False),
@@ -72,25 +64,6 @@ _METHOD = {
 ADAPTIVE_KEYS = ("nodes", "passes", "max_level", "status")
 """Keys that an adaptive method must have."""
 
-_HEAD = {
-    "command": Key("text", "the command line, quoted for a shell"),
-    "versions": Key("text object", "package name to version"),
-    "machine": Key(
-        {
-            "cpu": Key("text", "processor model"),
-            "cores": Key("count", "cores that this process may use"),
-            "memory_bytes": Key("count", "main memory, bytes; 0 where it cannot be told"),
-            "device": Key("text", "where the JAX kernels ran"),
-            "variant": Key("text", "Mitsuba variant that cast the rays"),
-        },
-        "the machine",
-    ),
-    "seed": Key("integer", "the seed of everything random"),
-    "scene": Key("text", "built-in name, or name of the file without .xml"),
-    "view": Key("text", "name of the view or sensor"),
-    "light": Key("text", "which light, and its type"),
-    "size": Key("size", "[width, height] of the eye's image, pixels"),
-}
 
 _TRUTH = Key(
     {
@@ -103,25 +76,12 @@ _TRUTH = Key(
     "the ray-traced truth",
 )
 
-_COST_MODEL = Key(
-    {
-        "a_seconds_per_texel": Key("amount", "slope of the cost of a node, seconds/texel"),
-        "b_seconds": Key("amount", "cost of a node of no texels, seconds"),
-        "residual": Key("amount", "root-mean-square relative residual of the fit"),
-        "converged": Key("flag", "whether the fit came to rest", False),
-        "measured_at": Key("text", "when it was measured, UTC, ISO 8601", False, nullable=True),
-        "kept": Key("flag", "whether an earlier run measured it, or else this one", False),
-    },
-    "seconds to cast N texels: a N + b, measured on this machine at `measured_at`",
-)
-
-_NOTICES = Key("text list", "what the run left out or approximated, one line each")
 
 RUN_KEYS: Mapping[str, Key] = {
     "schema": Key("text", f'"{RUN_SCHEMA}"'),
-    **_HEAD,
+    **HEAD,
     "truth": _TRUTH,
-    "cost_model": _COST_MODEL,
+    "cost_model": COST_MODEL,
     "maps": Key(
         {
             "area_ratio": Key(_SUMMARY, "world area of a texel / of an eye pixel"),
@@ -133,7 +93,7 @@ RUN_KEYS: Mapping[str, Key] = {
         "summary of each map over the eye's image",
     ),
     "methods": Key(_METHOD, "one entry per method, in the order of the table", each=True),
-    "notices": _NOTICES,
+    "notices": NOTICES,
 }
 
 _NODE_COUNTS = {
@@ -196,12 +156,12 @@ _MEDIANS = {
 
 WALKTHROUGH_KEYS: Mapping[str, Key] = {
     "schema": Key("text", f'"{WALKTHROUGH_SCHEMA}"'),
-    **_HEAD,
+    **HEAD,
     "motion": Key("text", "what moves: camera, light, object or still"),
     "frames_asked": Key("count", "frames that were asked for"),
     "ended": Key("text", '"complete", or what ended it before its last frame'),
     "memory_limit_bytes": Key("count", "what the adaptive map may use, bytes"),
-    "cost_model": _COST_MODEL,
+    "cost_model": COST_MODEL,
     "summary": Key(
         {
             "first_frame": Key("count", "first of the frames that it is taken over"),
@@ -211,7 +171,7 @@ WALKTHROUGH_KEYS: Mapping[str, Key] = {
         "medians over all frames but the first, which builds from nothing",
     ),
     "frames": Key(_FRAME, "one entry per finished frame", each=True),
-    "notices": _NOTICES,
+    "notices": NOTICES,
 }
 
 _ALIASING = {
@@ -259,10 +219,10 @@ _LIGHT_ANGLES = {
 
 ALIASING_KEYS: Mapping[str, Key] = {
     "schema": Key("text", f'"{ALIASING_SCHEMA}"'),
-    **_HEAD,
+    **HEAD,
     "memory_limit_bytes": Key("count", "of each map's texels, bytes"),
     "truth": _TRUTH,
-    "cost_model": replace(_COST_MODEL, nullable=True),
+    "cost_model": replace(COST_MODEL, nullable=True),
     "methods": Key(
         {
             **_METHOD,
@@ -274,19 +234,21 @@ ALIASING_KEYS: Mapping[str, Key] = {
         each=True,
     ),
     "light_angles": Key(_LIGHT_ANGLES, "other directions of light; null for none", nullable=True),
-    "notices": _NOTICES,
+    "notices": NOTICES,
 }
 
 SCHEMAS = {
     RUN_SCHEMA: RUN_KEYS,
     WALKTHROUGH_SCHEMA: WALKTHROUGH_KEYS,
     ALIASING_SCHEMA: ALIASING_KEYS,
+    COMPARISON_SCHEMA: COMPARISON_KEYS,
+    TUNING_SCHEMA: TUNING_KEYS,
 }
 """The keys of each kind of report."""
 
 
 def validate_report(report: object) -> None:
-    """Check a report of `asmjax run` or `asmjax analyze` against the keys of its schema.
+    """Check a report of a command that measures a scene against the keys of its schema.
 
     Beyond kinds: the schema is one of `SCHEMAS`, no key is unknown, numbers are finite, method
     names are unique and of a known kind (or, in an analysis, of their family), an adaptive method
@@ -308,6 +270,12 @@ def validate_report(report: object) -> None:
         return
     if schema == ALIASING_SCHEMA:
         _check_analysed(report["methods"])
+        return
+    if schema == COMPARISON_SCHEMA:
+        check_comparison(report)
+        return
+    if schema == TUNING_SCHEMA:
+        check_tuning(report)
         return
     for i, frame in enumerate(report["frames"]):
         if frame["frame"] != i:

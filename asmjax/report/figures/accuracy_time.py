@@ -9,10 +9,11 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter
 
 from asmjax.report.figures.board import EDGE, HEAD, Board
+from asmjax.report.figures.families import FAMILY_LOOKS
 from asmjax.report.figures.style import KIND_COLOURS, styled
 from asmjax.report.table import significant
 
-_MARKERS = {"uniform": "s", "adaptive": "o", "rays": "D"}
+_LOOKS = FAMILY_LOOKS | {"rays": (KIND_COLOURS["rays"], "D")}
 
 
 @styled
@@ -48,12 +49,11 @@ def draw_accuracy_time(methods: Sequence[Mapping], pixels: int, title: str = "")
     _limits(axes, times, heights, floor)
     axes.axhline(floor, color="#BBBBBB", linewidth=0.8, zorder=1)
     for method, time, share, height in zip(methods, times, shares, heights, strict=True):
-        kind = _kind(method)
-        colour = KIND_COLOURS[kind]
+        colour, marker = _look(method)
         axes.plot(
             [time],
             [height],
-            _MARKERS[kind],
+            marker,
             markersize=7,
             zorder=4,
             markeredgecolor=colour,
@@ -95,9 +95,10 @@ def draw_accuracy_time(methods: Sequence[Mapping], pixels: int, title: str = "")
     return board.figure
 
 
-def _kind(method: Mapping) -> str:
-    """The kind that decides marker and colour; what is neither is a map of one resolution."""
-    return next((kind for kind in KIND_COLOURS if method["name"].startswith(kind)), "uniform")
+def _look(method: Mapping) -> tuple[str, str]:
+    """Colour and marker; what is of no known kind is a map of one resolution."""
+    kinds = (kind for kind in _LOOKS if method["name"].startswith(kind))
+    return _LOOKS[next(kinds, "uniform")]
 
 
 def zero_line(shares: np.ndarray, pixels: int) -> float:
@@ -171,7 +172,7 @@ def _name_points(axes: Axes, methods: Sequence[Mapping], times, heights, shares)
             ha=best.side,
             va="center",
             fontsize=8.5,
-            color=KIND_COLOURS[_kind(method)],
+            color=_look(method)[0],
             zorder=5,
         )
 

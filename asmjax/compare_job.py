@@ -1,0 +1,323 @@
+"""`asmjax compare`: what accuracy costs in time and memory, for every algorithm over its range."""
+
+import contextlib
+import logging
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields, replace
+from itertools import groupby
+from typing import Any
+
+from tqdm import tqdm
+
+from asmjax.errors import UseError, require, unknown_name
+from asmjax.experiment.bench import Bench
+from asmjax.experiment.comparison import Compared, pooled
+from asmjax.experiment.ledger import Ledger
+from asmjax.experiment.settings_range import (
+    ADAPTIVE,
+    LAST,
+    Candidate,
+    candidates,
+    families_of,
+)
+from asmjax.experiment.trial import Trial
+from asmjax.options import CompareOptions
+from asmjax.preparation import (
+    ChosenMaps,
+    bench_of,
+    calibrated,
+    check_edges,
+    chosen_maps,
+    chosen_view,
+    kept_measurements,
+    make_folder,
+    results_folder,
+    sized,
+)
+from asmjax.render.load import Scene, load_scene
+from asmjax.report.compare_files import write_comparison
+from asmjax.report.compare_result import ComparisonResult, SeenView
+from asmjax.report.compare_table import comparison_text
+from asmjax.report.measured import light_text
+from asmjax.scene.spec import ViewSpec
+from asmjax.shadow import CostModel, ShadowAlgorithm, family_of
+
+_log = logging.getLogger("asmjax")
+
+YARDSTICKS = (1, 16)
+"""Shadow rays per pixel that every chart shows, whatever number of samples was asked for."""
+
+BATCH = 3
+"""Settings that are measured in turns: an interruption loses no more than these."""
+
+
+def run_comparison(options: CompareOptions) -> ComparisonResult:
+    """Measure, write the results below `options.out`, and print the tables.
+
+    Every finished measurement is kept in the folder, and taken from there by the same command.
+
+    Raises:
+        UseError: wrong options or a scene that cannot be used; nothing is written then.
+        KeyboardInterrupt: with a message that says where the finished trials are.
+    """
+    folder = results_folder(options)
+    with tqdm(disable=options.quiet or None, leave=False, unit="trial") as bar:
+        bar.set_description("scene")
+        comparing = Comparing(options)
+        make_folder(folder)
+        result = comparing.measured(kept_measurements(folder, options.fresh), bar)
+        if not result.trials:
+            with contextlib.suppress(OSError):
+                folder.rmdir()
+            raise KeyboardInterrupt("no trial was finished")
+        bar.set_description("figures")
+        write_comparison(result, folder, seed=options.seed)
+    for notice in result.notices[len(comparing.scene.notices) :]:
+        _log.warning("%s", notice)
+    if not options.quiet:
+        print(comparison_text(result))
+        print(f"\nmeasurements: {result.made} made, {result.reused} taken from an earlier run")
+        print(f"report and figures: {folder}/")
+    if result.ended == "interrupted":
+        raise KeyboardInterrupt(
+            f"{len(result.trials)} of {result.asked} trials are in {folder}/; the same command "
+            "goes on from there"
+        )
+    return result
+
+
+def compare(scene: str = "paper_room", *, quiet: bool = True, **options: Any) -> ComparisonResult:
+    """What accuracy costs on a scene; `options` are those of `asmjax compare`, as of
+    `CompareOptions`.
+
+    Nothing is written unless `out` names a folder, where measurements are kept and found again.
+    `quiet=False` shows a progress bar.
+
+    Raises:
+        UseError: as `run_comparison`, or an unknown option.
+        KeyboardInterrupt: what was measured is lost without `out`.
+    """
+    known = [field.name for field in fields(CompareOptions)]
+    for name in options:
+        if name not in known:
+            raise unknown_name("option", name, known)
+    chosen = CompareOptions(scene=scene, quiet=quiet, **options)
+    comparing = Comparing(chosen)
+    folder = None
+    if chosen.out is not None:
+        folder = results_folder(chosen)
+        make_folder(folder)
+    ledger = Ledger() if folder is None else kept_measurements(folder, chosen.fresh)
+    with tqdm(disable=quiet, leave=False, unit="trial") as bar:
+        result = comparing.measured(ledger, bar)
+    if folder is not None and result.trials:
+        write_comparison(result, folder, seed=chosen.seed)
+    if result.ended == "interrupted":
+        raise KeyboardInterrupt("" if folder is None else f"what is finished is in {folder}/")
+    return result
+
+
+@dataclass(frozen=True)
+class _Batch:
+    """Settings that are tried together, with so many samples per pixel."""
+
+    samples: int
+    items: tuple[Candidate, ...]
+
+
+class Comparing:
+    """A scene, its views and all settings that are to be tried on them, ready to be measured.
+
+    Attributes:
+        scene: as loaded.
+        views: on which all is tried.
+
+    Raises:
+        UseError: wrong options, a scene that cannot be used, a view without shadow edges, or no
+            algorithm that is possible.
+    """
+
+    def __init__(self, options: CompareOptions):
+        self._options, self._start = options, time.monotonic()
+        families = families_of(options.methods)
+        chosen = chosen_maps(options)
+        if options.settings is not None:
+            family = family_of(chosen.other or chosen.adaptive)
+            require(
+                family in families,
+                f"the settings file '{options.settings}' is of {family}, which --methods leaves "
+                "out; name it there, or leave out --settings.",
+            )
+        self.scene = load_scene(options.scene, options.variant)
+        self.views = _views(self.scene, options)
+        self._samples = list(dict.fromkeys(options.samples))
+        self._benches = {
+            samples: [bench_of(self.scene, view, options, samples) for view in self.views]
+            for samples in sorted({*YARDSTICKS, *self._samples})
+        }
+        for bench in self._benches[self._samples[0]]:
+            check_edges(bench, self.scene)
+        first = self._first
+        faces = max(bench.frame.faces for bench in self._benches[self._samples[0]])
+        self._model: CostModel | None = None
+        if ADAPTIVE in families:
+            chosen.check(faces)
+            light = self.scene.light(options.light)
+            self._model = calibrated(self.scene, light, first.rays, first.frame, options)
+            chosen = replace(chosen, adaptive=replace(chosen.adaptive, cost_model=self._model))
+        self._memory = chosen.adaptive.memory_bytes
+        self._candidates, self._left_out = _possible(families, chosen, faces)
+
+    @property
+    def _first(self) -> Bench:
+        return self._benches[self._samples[0]][0]
+
+    def measured(self, ledger: Ledger, bar: tqdm) -> ComparisonResult:
+        """Try all settings until time or patience ends; `ended` says which.
+
+        Raises:
+            UseError: no algorithm can be used on the views.
+        """
+        batches = list(_batches(self._candidates, self._samples))
+        asked = sum(len(batch.items) for batch in batches)
+        bar.reset(total=asked)
+        trials: list[Compared] = []
+        yardsticks: list[Compared] = []
+        left_out, hopeless = list(self._left_out), set()
+        ended = "complete"
+        try:
+            bar.set_description("rays")
+            yardsticks += [self._rays(samples, ledger) for samples in self._benches]
+            for batch in batches:
+                if self._is_late():
+                    ended = "time limit"
+                    break
+                items = [item for item in batch.items if item.family not in hopeless]
+                names = ", ".join(item.family for item in items)
+                bar.set_description(f"{names} ({batch.samples} per pixel)")
+                found, problems = self._tried(replace(batch, items=tuple(items)), ledger)
+                trials += found
+                for item, problem in problems:
+                    if item.rank == 0:
+                        hopeless.add(item.family)
+                    name = item.family if item.rank == 0 else f"{item.family} {item.label}"
+                    left_out.append(f"{name} is left out: {problem}")
+                bar.update(len(batch.items))
+        except KeyboardInterrupt:
+            ended = "interrupted"
+        require(
+            len(trials) > 0 or ended != "complete",
+            f"no algorithm can be used here: {'; '.join(left_out)}",
+        )
+        require(
+            len(trials) > 0 or ended != "time limit",
+            f"--minutes {self._options.minutes} ended before the first trial; give more.",
+        )
+        missing = asked - len(trials)
+        if ended != "complete":
+            left_out.append(
+                f"{ended}: {missing} of {asked} trials are missing; the same command goes on there"
+            )
+        light = self.scene.light(self._options.light)
+        return ComparisonResult(
+            scene=self.scene.name,
+            variant=self.scene.variant,
+            light=light_text(light, self._first.frame),
+            lit_by=f"light {light.name} ({light.kind})",
+            notices=[*self.scene.notices, *dict.fromkeys(left_out)],
+            views=[self._seen(i) for i in range(len(self.views))],
+            samples=self._samples,
+            trials=trials,
+            yardsticks=yardsticks,
+            memory_bytes=self._memory,
+            cost_model=self._model,
+            ended=ended,
+            asked=asked,
+            made=ledger.added,
+            reused=ledger.taken,
+        )
+
+    def _is_late(self) -> bool:
+        minutes = self._options.minutes
+        return minutes is not None and time.monotonic() - self._start > 60 * minutes
+
+    def _rays(self, samples: int, ledger: Ledger) -> Compared:
+        repeats = self._options.repeats
+        trials = [bench.shadow_rays(repeats, ledger) for bench in self._benches[samples]]
+        return self._compared("per pixel", trials)
+
+    def _tried(
+        self, batch: _Batch, ledger: Ledger
+    ) -> tuple[list[Compared], list[tuple[Candidate, str]]]:
+        """The trials of a batch on all views, and what cannot be used on one of them."""
+        algorithms = [item.algorithm for item in batch.items if item.algorithm is not None]
+        try:
+            found = self._on_views(batch.samples, algorithms, ledger)
+        except UseError as problem:
+            if len(batch.items) == 1:
+                return [], [(batch.items[0], str(problem))]
+            alone = [self._tried(_Batch(batch.samples, (item,)), ledger) for item in batch.items]
+            return [x for some, _ in alone for x in some], [x for _, some in alone for x in some]
+        return [
+            self._compared(item.label, trials)
+            for item, trials in zip(batch.items, found, strict=True)
+        ], []
+
+    def _on_views(
+        self, samples: int, algorithms: Sequence[ShadowAlgorithm], ledger: Ledger
+    ) -> list[tuple[Trial, ...]]:
+        """For each algorithm its trials on all views."""
+        by_view = [
+            bench.try_all(algorithms, self._options.repeats, ledger, predicted=True)
+            for bench in self._benches[samples]
+        ]
+        return list(zip(*by_view, strict=True))
+
+    def _compared(self, label: str, trials: Sequence[Trial]) -> Compared:
+        benches = self._benches[trials[0].samples]
+        edges = [bench.edge_length for bench in benches]
+        pixels = [int(bench.eyes[0].valid.sum()) for bench in benches]
+        return Compared(label, pooled(trials, edges, pixels), list(trials))
+
+    def _seen(self, index: int) -> SeenView:
+        benches = {samples: benches[index] for samples, benches in self._benches.items()}
+        eye = self._benches[self._samples[0]][index].eyes[0]
+        return SeenView(
+            name=self.views[index].name,
+            size=(eye.camera.width, eye.camera.height),
+            valid_pixels=int(eye.valid.sum()),
+            edges={samples: bench.edge_length for samples, bench in benches.items()},
+        )
+
+
+def _views(scene: Scene, options: CompareOptions) -> list[ViewSpec]:
+    if not options.views:
+        return [chosen_view(scene, options)]
+    return [sized(scene.view(name), options) for name in dict.fromkeys(options.views)]
+
+
+def _possible(
+    families: Sequence[str], chosen: ChosenMaps, faces: int
+) -> tuple[list[Candidate], list[str]]:  # fmt: skip
+    """What can be tried, and a line for everything else."""
+    found = candidates(families, chosen.adaptive, faces)
+    if chosen.other is not None:
+        found.insert(0, Candidate(family_of(chosen.other), "settings file", -1, chosen.other))
+    left_out = [
+        f"{item.family} {item.label} is left out: {item.problem}"
+        for item in found
+        if item.algorithm is None
+    ]
+    possible = [item for item in found if item.algorithm is not None]
+    require(len(possible) > 0, f"no algorithm can be used here: {'; '.join(left_out)}")
+    return possible, left_out
+
+
+def _batches(found: Sequence[Candidate], samples: Sequence[int]) -> Iterator[_Batch]:
+    """All of it, the most telling first for each number of samples."""
+    for rank, group in groupby(found, key=lambda item: item.rank):
+        items = list(group)
+        for count in samples if rank < LAST else samples[:1]:
+            for start in range(0, len(items), BATCH):
+                yield _Batch(count, tuple(items[start : start + BATCH]))

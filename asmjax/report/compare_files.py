@@ -1,0 +1,67 @@
+"""From a comparison to its files: report.json, trials.csv and charts."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from asmjax.experiment.comparison import Compared, front_of
+from asmjax.report.compare_record import report_of_comparison
+from asmjax.report.compare_result import ComparisonResult
+from asmjax.report.compare_table import write_trials_csv
+from asmjax.report.figures.board import save
+from asmjax.report.figures.fronts import FrontPanel, FrontPoint, Mark, draw_fronts
+from asmjax.report.outputs import ANALYSIS, COMPARISON, SINGLE_RUN, WALKTHROUGH, remove
+from asmjax.report.record import write_json
+from asmjax.report.table import MB
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def write_comparison(result: ComparisonResult, folder: Path, *, seed: int) -> dict:
+    """Write report.json, the trials as CSV, and a chart for each number of samples.
+
+    The numbers come first: a figure that fails cannot lose them. Returns the report.
+    """
+    report = report_of_comparison(result, seed)
+    write_json(folder / "report.json", report)
+    remove(folder, (*SINGLE_RUN, *WALKTHROUGH, *ANALYSIS, *COMPARISON))
+    write_trials_csv(folder / "trials.csv", result)
+    for samples in result.samples:
+        save(draw_comparison(result, samples), folder / f"costs_{samples}.png")
+    return report
+
+
+def draw_comparison(result: ComparisonResult, samples: int) -> "Figure":
+    """Error against time and against memory, with that many samples per pixel."""
+    items = result.of(samples)
+    time = FrontPanel(
+        "What accuracy costs in time",
+        "build + analysis + query from nothing; lower left is better",
+        "time, milliseconds",
+        [_point(item, "seconds") for item in items],
+        [item.name for item in front_of(items, "seconds")],
+        [
+            Mark(f"{item.trial.samples} ray{'s'[: item.trial.samples > 1]} per pixel",
+                 1e3 * item.trial.total.value)
+            for item in result.yardsticks
+        ],
+    )  # fmt: skip
+    memory = FrontPanel(
+        "What accuracy costs in memory",
+        "all arrays that are kept; traced rays keep none",
+        "memory, MB",
+        [_point(item, "bytes") for item in items],
+        [item.name for item in front_of(items, "bytes")],
+    )
+    end = "" if result.ended == "complete" else f" Not all was tried: {result.ended}."
+    plural = "samples" if samples > 1 else "sample"
+    return draw_fronts([time, memory], f"{result.title}; {samples} {plural} per pixel.{end}")
+
+
+def _point(item: Compared, kind: str) -> FrontPoint:
+    trial, total = item.trial, item.trial.total
+    if kind == "seconds":
+        cost, low, high = (1e3 * value for value in (total.value, total.low, total.high))
+    else:
+        cost = low = high = trial.bytes / MB
+    return FrontPoint(trial.family, item.label, item.name, cost, trial.edge_px, low, high)
