@@ -1,6 +1,15 @@
-"""Double-where helpers: no NaN in value or gradient when a masked entry would divide by zero."""
+"""Double-where helpers: no NaN in value or gradient when a masked entry would divide by zero; and
+float64 for a while."""
 
+import functools
+from collections.abc import Callable
+from typing import ParamSpec, TypeVar
+
+import jax
 import jax.numpy as jnp
+
+_P = ParamSpec("_P")
+_R = TypeVar("_R")
 
 LEAST_DEPTH = 1e-12
 """Points nearer than this along an axis, in scene units, are not in front of it."""
@@ -32,3 +41,14 @@ def safe_sqrt(x):
 def dot(a, b):
     """Inner product over the first axis of component-first arrays `(3, ...)`."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def in_float64(function: Callable[_P, _R]) -> Callable[_P, _R]:
+    """Decorates a function of NumPy arrays: JAX computes in float64 while it runs."""
+
+    @functools.wraps(function)
+    def precise(*args: _P.args, **kwargs: _P.kwargs) -> _R:
+        with jax.enable_x64(True):
+            return function(*args, **kwargs)
+
+    return precise

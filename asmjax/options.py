@@ -22,7 +22,7 @@ MEMORY_MB = 16.0
 PRICE = 0.1
 """Of a second, where nothing is asked of a tuned map, in pixels of shadow edge."""
 
-LEAST_EVALUATIONS = 24
+LEAST_EVALUATIONS = 28
 """Fewer cannot calibrate the surrogate that leads a search, and check what it says."""
 
 
@@ -195,15 +195,17 @@ class GoalOptions:
 class SearchOptions:
     """Where settings are tried, and how often."""
 
-    views: Annotated[tuple[str, ...], _named("VIEW VIEW ...", "two places on a path")] = ()
-    """Named views or sensors that settings are tuned on, with --held-out. Without both: places on
-    the scene's own path, or on an arc of 20 degrees about what the view sees."""
+    views: Annotated[tuple[str, ...], _named("VIEW VIEW ...", "the one of --view or --sensor")] = ()
+    """Named views or sensors that settings are tuned on, with --held-out; more of them take as many
+    times longer."""
 
-    held_out: Annotated[tuple[str, ...], _named("VIEW VIEW ...", "two places between them")] = ()
+    held_out: Annotated[
+        tuple[str, ...], _named("VIEW VIEW ...", "the view, turned by 10 and 20 degrees")
+    ] = ()
     """Other views, on which the best settings are measured again, and which choose among them."""
 
     evaluations: Annotated[int, arg(metavar="COUNT")] = 36
-    """Settings that the search may try on the real map, 24 or more; the default, a grid of 32 and
+    """Settings that the search may try on the real map, 28 or more; the default, a grid of 32 and
     those that are measured on the held-out views come on top."""
 
     repeats: Annotated[int, arg(metavar="COUNT")] = 5

@@ -21,7 +21,7 @@ from asmjax.geometry import LightFrame
 from asmjax.options import AnalyzeOptions, JobOptions, MapJobOptions, RunOptions
 from asmjax.render.caster import MitsubaRays
 from asmjax.render.load import Scene, load_scene
-from asmjax.scene.path import CameraPath, aimed_at, orbit_keys
+from asmjax.scene.path import aimed_at
 from asmjax.scene.spec import LightSpec, ViewSpec
 from asmjax.shadow import AdaptiveShadowMap, CostModel, ShadowAlgorithm, preset, read_settings
 from asmjax.shadow.adaptive import kept_or_measured, on_this_machine
@@ -209,19 +209,6 @@ def chosen_view(scene: Scene, options: JobOptions) -> ViewSpec:
         "--view and --sensor both name what sees the scene; give one of them.",
     )
     return sized(scene.view(options.sensor if options.view is None else options.view), options)
-
-
-def own_path(scene: Scene, options: JobOptions) -> tuple[CameraPath, str]:
-    """The scene's own path, unless a view is named or there is none; else an arc about what the
-    view sees. With what it is in words.
-
-    Raises:
-        UseError: no such view, or one that sees nothing.
-    """
-    view = chosen_view(scene, options)
-    if scene.path and options.view is None and options.sensor is None:
-        return CameraPath([sized(key, options) for key in scene.path]), "path of the scene"
-    return CameraPath(orbit_keys(aimed(scene, view))), f"arc from {view.name}"
 
 
 def aimed(scene: Scene, view: ViewSpec) -> ViewSpec:

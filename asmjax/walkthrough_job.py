@@ -18,7 +18,6 @@ from asmjax.preparation import (
     chosen_maps,
     chosen_view,
     make_folder,
-    own_path,
     results_folder,
     sample_offsets,
     sized,
@@ -29,7 +28,7 @@ from asmjax.report.walk_files import WalkFiles
 from asmjax.report.walk_record import COMPLETE, WalkRecord, WalkSetting
 from asmjax.report.walk_table import walkthrough_table
 from asmjax.scene.motion import OBJECT_RADIUS, circle, moved_light
-from asmjax.scene.path import CameraPath
+from asmjax.scene.path import CameraPath, orbit_keys
 from asmjax.scene.spec import ViewSpec
 
 _log = logging.getLogger("asmjax")
@@ -202,10 +201,12 @@ def camera_path(scene: Scene, options: RunOptions) -> tuple[CameraPath, str]:
     if options.keys:
         keys = [aimed(scene, sized(scene.view(name), options)) for name in options.keys]
         return CameraPath(keys), f"path {' - '.join(key.name for key in keys)}"
+    view = chosen_view(scene, options)
     if options.motion != "camera":
-        view = chosen_view(scene, options)
         return CameraPath([view]), view.name
-    return own_path(scene, options)
+    if scene.path and options.view is None and options.sensor is None:
+        return CameraPath([sized(key, options) for key in scene.path]), "path of the scene"
+    return CameraPath(orbit_keys(aimed(scene, view))), f"arc from {view.name}"
 
 
 def _reason(problem: BaseException) -> str:

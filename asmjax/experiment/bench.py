@@ -1,7 +1,7 @@
 """A view with its truth, on which shadow algorithms are tried in turns with the yardstick."""
 
 from collections.abc import Callable, Hashable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -24,6 +24,9 @@ from asmjax.shadow import ALGORITHMS, Cost, ShadowAlgorithm, Status
 
 RAYS = "rays"
 """Family of the yardstick: shadow rays from the eye's points."""
+
+_REHEARSED: set[Hashable] = set()
+"""Programs that were compiled in this process, with the sizes of images: JAX remembers them."""
 
 _HOLDS = [field.name for field in fields(Trial)]
 """Part of every key: what was kept of other things is measured again."""
@@ -70,11 +73,6 @@ class Bench:
         eye = self.eyes[0]
         depth = np.where(eye.valid, eye.depth, 1.0)
         return pairs_of(eye.valid.reshape(eye.size), depth.reshape(eye.size))
-
-    @cached_property
-    def _compiled(self) -> set[Hashable]:
-        """Programs of the algorithms tried so far."""
-        return set()
 
     @cached_property
     def _seen(self) -> list[SeenPoints]:
@@ -251,16 +249,14 @@ class _Try:
         """Compile what settings of this program may call. Under a limit of time a build that
         compiles gets nowhere, and the next one would compile again."""
         bench, algorithm = self.bench, self.algorithm
-        program = algorithm.program(bench.frame)
-        if program in bench._compiled:
+        sizes = tuple(some.points.count for some in bench._seen)
+        program = algorithm.program(bench.frame), bench.eyes[0].size, sizes
+        if program in _REHEARSED:
             return
-        hurried = getattr(algorithm, "time_limit", None) is not None
-        free = replace(algorithm, time_limit=None) if hurried else algorithm
-        state = free.build(bench.eyes[0], bench.frame, bench.rays)
-        algorithm.warm_up(state, bench.eyes[0], bench.frame)
+        state = algorithm.rehearse(bench.eyes[0], bench.frame, bench.rays)
         for some in bench._seen:
             jax.block_until_ready(algorithm.visibility(state, some.points))
-        bench._compiled.add(program)
+        _REHEARSED.add(program)
 
     def _prediction(self, state) -> float:
         bench, eye = self.bench, self.bench.eyes[0]

@@ -130,8 +130,11 @@ class ShadowAlgorithm(eqx.Module, Generic[State]):
 
     @abc.abstractmethod
     def program(self, frame: LightFrame) -> Hashable:
-        """Equal for settings that run the same compiled code: what one of them compiled in
-        `build` without limits, `warm_up` and a query, is there for all."""
+        """Equal for settings that run the same compiled code."""
+
+    @abc.abstractmethod
+    def rehearse(self, view: EyeBuffer, frame: LightFrame, rays: LightRays) -> State:
+        """A state for this view, after which no `build` of the same program compiles anything."""
 
     @abc.abstractmethod
     def copied(self, state: State) -> State:

@@ -107,6 +107,10 @@ class UniformShadowMap(ShadowAlgorithm[UniformState]):
         """Shapes follow from the resolution."""
         return self
 
+    def rehearse(self, view: EyeBuffer, frame: LightFrame, rays: LightRays) -> UniformState:
+        """What every build calls."""
+        return self.build(view, frame, rays)
+
     def copied(self, state: UniformState) -> UniformState:
         """`state` itself: nothing takes it over."""
         return state

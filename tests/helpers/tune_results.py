@@ -152,6 +152,7 @@ def tuning_result(
         calibrations=tuple(
             Calibration(Fit(*np.full(len(Fit._fields), 0.1)), 0.1, 0.05, 20, True) for _ in TUNED_ON
         ),
+        said=np.array([[1.1 * one.edge_px for one in tried], [0.5 * one.seconds for one in tried]]),
         rank_correlation=0.9,
         sensitivity=bending,
         front=front,
@@ -160,7 +161,6 @@ def tuning_result(
         seconds=12.5,
     )
     assert best_of(finalists, goal) is not None
-    said = np.array([[1.1 * one.edge_px for one in tried], [0.5 * one.seconds for one in tried]])
     seen = [SeenView(name, (64, 48), 3000, {1: 120.0}) for name in (*TUNED_ON, *HELD_OUT)]
     return TuningResult(
         found=found,
@@ -168,7 +168,6 @@ def tuning_result(
         light="lamp (spot, 1 face(s))",
         lit_by="light lamp (spot)",
         seen=seen,
-        said=said,
         notices=[advice] if advice else [],
         cost_model=MODEL,
         made=50,

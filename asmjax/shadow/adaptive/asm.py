@@ -213,6 +213,19 @@ class AdaptiveShadowMap(ShadowAlgorithm[AdaptiveState]):
         looks = self.measure, self.pixel_share, self.goals[-1] is None, self.compare
         return shape, looks, self if grows else None
 
+    def rehearse(self, view: EyeBuffer, frame: LightFrame, rays: LightRays) -> AdaptiveState:
+        """With fine goals, no limit of time, and looks at all, many and few pixels."""
+        free = replace(
+            self, time_limit=None, least_profit=0.0, ratio_target=1.0, finest_ratio=1 / 64
+        )
+        state = free.build(view, frame, rays)
+        everyone = compile_looks(
+            state.tree, view, frame, self.goals,
+            shape=state.shape, measure=self.measure, share=1,
+        )  # fmt: skip
+        compile_attention(state.shape, state.tree, everyone)
+        return state
+
     def copied(self, state: AdaptiveState) -> AdaptiveState:
         """Tables and texels are copied; raises `UseError` for a state that was taken over."""
         state.check_owned()

@@ -137,6 +137,10 @@ class ChartedShadowMap(ShadowAlgorithm[ChartedState]):
         """Shapes follow from the settings."""
         return self
 
+    def rehearse(self, view: EyeBuffer, frame: LightFrame, rays: LightRays) -> ChartedState:
+        """What every build calls."""
+        return self.build(view, frame, rays)
+
     def copied(self, state: ChartedState) -> ChartedState:
         """`state` itself: nothing takes it over."""
         return state
