@@ -41,8 +41,8 @@ COARSE_LOG2 = 2.0
 TABLES = 0.15
 """Natural logarithm of the nodes that fit with cells of a side / with twice as many."""
 
-QUEUE = 0.04
-"""Width, in parts of all nodes, of the decision whose turn has come."""
+GREED = 0.5
+"""Part of the edges that a part of their nodes serves, as an exponent: most profitable first."""
 
 COVER_SHARE = 0.25
 """Part of the free memory that coverage may take."""
@@ -73,7 +73,7 @@ class Fit(NamedTuple):
         memory: nodes that fit / nodes that are counted here.
         tables: the same for each doubling of the cells a side, which takes tables.
         profit: benefit of a node / benefit that is counted here.
-        greed: exponent of the part of the nodes that is made.
+        greed: exponent of the part of the edges that a part of their nodes serves, beside `GREED`.
         gap: distance of casters / as it is counted here.
         hurry: slowness of launches that a limit of time reckons with, beside `SLOWER`.
     """
@@ -216,13 +216,9 @@ def predict(
         part, worth = nodes_of(crowd * band)
         share = made_at(parent, level)
         nodes = far_off * share * part / crowd * (1 + 2 * texel / width)
-        # Nodes that serve many pixels come first: how many nodes are before each one's.
-        order = jnp.argsort(-crowd * band)
-        upto = jnp.cumsum(nodes[order]) - 0.5 * nodes[order]
-        turn = jnp.zeros_like(upto).at[order].set(upto / (jnp.sum(nodes) + 1e-12))
-        return evidence.edges * jnp.mean(nodes), far_off * worth, jnp.mean(share), turn
+        return evidence.edges * jnp.mean(nodes), far_off * worth, jnp.mean(share)
 
-    per_rung, gates, passes, turns_of = jax.vmap(rung)(parents, deeper)
+    per_rung, gates, passes = jax.vmap(rung)(parents, deeper)
     one, none = jnp.ones(1), jnp.zeros(1)
     made = jnp.concatenate([jnp.stack([roots, covering]), per_rung])
     looks = jnp.concatenate([none, none, one, 0.4 * passes[1:]])
@@ -259,9 +255,8 @@ def predict(
     covers = done[1] * covers
     start_error = covers * moved(begun - cells * covered) + (1 - covers) * moved(begun)
     ends = moved(begun - cells * deeper)
-    part = (done[2:, None] + 1e-9) ** jnp.exp(fit.greed)
-    served = jax.nn.sigmoid((1.2 * part - turns_of) / QUEUE - 0.5) * part / (part + QUEUE)
-    reach = jnp.cumprod(served * gates, axis=0)
+    served = (done[2:] + 1e-9) ** (GREED * jnp.exp(fit.greed))
+    reach = jnp.cumprod(served[:, None] * gates, axis=0)
     left = jnp.concatenate([reach[:-1] - reach[1:], reach[-1:]])
     error = jnp.mean((1 - reach[0]) * start_error + jnp.sum(left * ends, axis=0))
     return Predicted(jnp.exp(fit.scale) * error + 1e-3 * jnp.exp(fit.floor), seconds, nodes)
