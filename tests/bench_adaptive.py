@@ -174,7 +174,7 @@ def test_look(benchmark, walk, settings, built, share):
 
     def look():
         return first_look(
-            built.tree, walk.eyes[0], walk.frame, (0.0, -4.0, settings.bias),
+            built.tree, walk.eyes[0], walk.frame, settings.goals,
             shape=built.shape, measure=settings.measure, share=share, turn=next(turns),
         )  # fmt: skip
 
