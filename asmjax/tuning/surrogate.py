@@ -7,9 +7,9 @@ nodes, texels and passes, down which a map goes as far as its goal, memory and t
 
 | the map | here |
 | --- | --- |
-| straddles at texels of r pixels | share min(1, 2 reach r) of the pixels along an edge |
-| nodes over n such pixels in a crowd | (1 - (1 - share)^n) / n for each of them (occupancy) |
-| edge moved by texels of r pixels | spread r, at most `miss` (M4; then features are lost) |
+| straddles at texels of r pixels | a band 2 reach r wide along an edge, within the node |
+| nodes over n pixels that ask, on average | 1 - exp(-n) of the places (occupancy, Poisson) |
+| edge moved by texels of r pixels | d = spread r (M4), from `miss` on as sqrt(d miss): lost |
 | time of a pass, a node, a texel, a look | coefficients, fitted to trials |
 
 What is fitted (`Fit`) are sixteen numbers with meanings, not a table of the trials.
