@@ -5,13 +5,12 @@ each entry of the registry. `python -m asmjax.shadow.choosing docs/choosing.md` 
 between the page's two markers.
 """
 
-import sys
 from dataclasses import MISSING, fields
-from pathlib import Path
 from typing import NamedTuple
 
 from asmjax.errors import require
 from asmjax.shadow.base import ShadowAlgorithm
+from asmjax.shadow.pages import between_markers, write_pages
 from asmjax.shadow.registry import ALGORITHMS
 
 BEGIN = "<!-- begin: written by `python -m asmjax.shadow.choosing docs/choosing.md` -->"
@@ -166,16 +165,8 @@ def written_into(page: str) -> str:
     Raises:
         UseError: the page has not one line of each marker, in their order.
     """
-    before, begin, rest = page.partition(f"{BEGIN}\n")
-    _, end, after = rest.partition(f"{END}\n")
-    require(
-        bool(begin and end) and BEGIN not in after,
-        f"the page has no part to write; put the lines {BEGIN} and {END} around it, once.",
-    )
-    return f"{before}{begin}\n{table()}\n{end}{after}"
+    return between_markers(page, BEGIN, END, table())
 
 
 if __name__ == "__main__":
-    for name in sys.argv[1:]:
-        path = Path(name)
-        path.write_text(written_into(path.read_text(encoding="utf-8")), encoding="utf-8")
+    write_pages(written_into)

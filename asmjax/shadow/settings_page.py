@@ -5,13 +5,11 @@ tables between the page's two markers.
 """
 
 import math
-import sys
 from dataclasses import fields
-from pathlib import Path
 from typing import Any
 
-from asmjax.errors import require
 from asmjax.shadow.base import ShadowAlgorithm
+from asmjax.shadow.pages import between_markers, write_pages
 from asmjax.shadow.registry import ALGORITHMS
 from asmjax.shadow.settings import INFINITE, UNITS, kind_words, meanings, setting_types
 
@@ -52,13 +50,7 @@ def written_into(page: str) -> str:
     Raises:
         UseError: the page has not one line of each marker, in their order.
     """
-    before, begin, rest = page.partition(f"{BEGIN}\n")
-    _, end, after = rest.partition(f"{END}\n")
-    require(
-        bool(begin and end) and BEGIN not in after,
-        f"the page has no part to write; put the lines {BEGIN} and {END} around it, once.",
-    )
-    return f"{before}{begin}\n{tables()}\n{end}{after}"
+    return between_markers(page, BEGIN, END, tables())
 
 
 def _defaults(algorithm: type[ShadowAlgorithm]) -> dict[str, Any]:
@@ -77,6 +69,4 @@ def _shown(value: Any) -> str:
 
 
 if __name__ == "__main__":
-    for name in sys.argv[1:]:
-        path = Path(name)
-        path.write_text(written_into(path.read_text(encoding="utf-8")), encoding="utf-8")
+    write_pages(written_into)
