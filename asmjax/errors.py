@@ -5,7 +5,19 @@ from collections.abc import Iterable
 
 
 class UseError(ValueError):
-    """Wrong use: one line that says what is wrong, what is allowed, and what to do."""
+    """Wrong use: one line that says what is wrong, what is allowed, and what to do.
+
+    Line breaks become spaces, and what cannot be printed its escape: messages quote files and words
+    of any origin, and end in terminals.
+    """
+
+    def __init__(self, message: str):
+        super().__init__(
+            "".join(
+                char if char.isprintable() else " " if char.isspace() else ascii(char)[1:-1]
+                for char in message
+            )
+        )
 
 
 def unknown_name(kind: str, got: str, allowed: Iterable[str], remedy: str = "") -> UseError:
