@@ -29,9 +29,11 @@ PROBE_SECONDS = 60.0
 # Runs in the child. The minimum is what LLVM 15 cannot compile on x86; the render is what the
 # user will ask for next. A scratch kernel cache keeps kernels of another LLVM out of it.
 _CHILD = """
-import re, sys
+import os, re, sys
 import mitsuba as mi
 mi.set_variant("llvm_ad_rgb")
+# Before the current folder, whose plugins are strangers' code.
+mi.file_resolver().prepend(os.path.dirname(mi.__file__))
 import drjit as dr
 least = dr.minimum(dr.arange(mi.Float, 16), 7.0)
 dr.eval(least)
@@ -159,9 +161,10 @@ def _try_in_child(library: Path | None) -> Verdict:
         if library is not None:
             environment["DRJIT_LIBLLVM_PATH"] = str(library)
         try:
-            # -c keeps the child away from the caller's main module, so nothing runs twice.
+            # -c keeps the child away from the caller's main module, so nothing runs twice; -P from
+            # modules in the current folder.
             child = subprocess.run(
-                [sys.executable, "-c", _CHILD],
+                [sys.executable, "-P", "-c", _CHILD],
                 env=environment,
                 stdin=subprocess.DEVNULL,
                 capture_output=True,

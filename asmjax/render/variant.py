@@ -11,6 +11,7 @@ from types import ModuleType
 
 from asmjax.errors import UseError, unknown_name
 from asmjax.render import llvm
+from asmjax.render.search_path import look_in_package_first
 
 VARIANTS = ("llvm_ad_rgb", "cuda_ad_rgb", "scalar_rgb")
 """Variants that asmjax supports; the first usable of llvm and scalar is the default."""
@@ -100,3 +101,5 @@ def _start(mi: ModuleType, variant: str, library: str | None) -> None:
 
     # Dr.Jit 1.5.0 deadlocks when it logs at Info or above from several Python threads.
     dr.set_log_level(dr.LogLevel.Warn)
+    # Otherwise a folder "plugins" in the current folder brings native code of its own.
+    look_in_package_first(mi)
