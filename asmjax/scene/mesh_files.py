@@ -1,0 +1,286 @@
+"""Whether a mesh file is what it says: counts that fit its size, indices in range, finite vertices.
+
+Mitsuba 3.9 allocates by a header's counts, takes a face index slightly out of range as it is, and
+crashes at one far out of range. So PLY and OBJ files are read here first, at the speed of NumPy.
+As in Mitsuba, faces of a PLY file are triangles, each list three numbers long.
+"""
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from asmjax.errors import UseError, require
+from asmjax.scene.file_names import shown
+
+LONGEST_HEADER = 2**16
+"""Bytes of a PLY header."""
+
+MOST_PROPERTIES = 256
+"""Properties of a PLY element."""
+
+TYPES = {
+    "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1",
+    "short": "i2", "int16": "i2", "ushort": "u2", "uint16": "u2",
+    "int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4",
+    "long": "i8", "int64": "i8", "ulong": "u8", "uint64": "u8",
+    "half": "f2", "float16": "f2", "float": "f4", "float32": "f4", "double": "f8", "float64": "f8",
+}  # fmt: skip
+"""PLY's names of number types, and NumPy's."""
+
+ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
+"""PLY's formats, and NumPy's sign for their byte order."""
+
+LISTS = ("vertex_indices", "vertex_index")
+"""Names of the list that holds a face's corners."""
+
+MOST_TEXT = 2**28
+"""Bytes of the largest file of text that is read here; a larger one would take too much memory, and
+is left to the child process that loads scenes first (`asmjax.render.untrusted`)."""
+
+SERIALIZED_MAGIC = b"\x1c\x04"
+"""First bytes of Mitsuba's own format."""
+
+
+def check_mesh_file(path: Path, kind: str, name: str) -> None:
+    """Refuse a mesh file that a loader might stumble over.
+
+    Args:
+        kind: the shape plugin that would read it; only ply, obj and serialized are known here.
+        name: of the file in messages.
+
+    Raises:
+        UseError: one line with what is wrong and where.
+    """
+    checker = CHECKERS.get(kind)
+    if checker is None:
+        return
+    try:
+        require(path.stat().st_size > 0, "is empty; export it again.")
+        checker(path)
+    except UseError as problem:
+        raise UseError(f"mesh file {shown(name)} {problem}") from problem
+    except OSError as problem:
+        raise UseError(
+            f"mesh file {shown(name)} cannot be read ({problem.strerror}); make it readable."
+        ) from problem
+
+
+@dataclass
+class _Element:
+    """One kind of records of a PLY file: `columns` are (name, type) as NumPy has them, those of
+    a list its length and three numbers."""
+
+    name: str
+    count: int
+    columns: list[tuple[str, str]] = field(default_factory=list)
+    lists: list[str] = field(default_factory=list)
+
+
+def _check_ply(path: Path) -> None:
+    order, elements, start = _ply_header(path)
+    by_name = {element.name: element for element in elements}
+    require(len(by_name) == len(elements), "names an element twice; export it again.")
+    for name in ("vertex", "face"):
+        require(
+            name in by_name and by_name[name].count > 0,
+            f"has no element {name}, or none of it; a mesh needs vertices and faces.",
+        )
+    if order:
+        records = _binary_records(path, order, elements, start)
+    else:
+        records = _ascii_records(path, elements, start)
+    if not records:
+        return
+    for element in elements:
+        for name in element.lists:
+            require(
+                bool((records[element.name][f"{name}.count"] == 3).all()),
+                f"has {element.name} lists {shown(name)} that are not three long; allowed are "
+                "triangles; triangulate it.",
+            )
+    vertices = records["vertex"]
+    for axis in "xyz":
+        require(
+            axis in (vertices.dtype.names or ()), f"has no vertex property {axis}; export it again."
+        )
+        _check_finite(vertices[axis])
+    lists = [name for name in LISTS if name in by_name["face"].lists]
+    require(len(lists) == 1, f"has no face list {LISTS[0]}; export it again.")
+    faces = records["face"]
+    for corner in range(3):
+        _check_indices(faces[f"{lists[0]}.{corner}"], 0, len(vertices))
+
+
+def _ply_header(path: Path) -> tuple[str, list[_Element], int]:
+    """The byte order ("" for text), the elements, and where the header ends."""
+    with path.open("rb") as file:
+        head = file.read(LONGEST_HEADER)
+    end = re.search(rb"^[ \t]*end_header[ \t]*\r?\n", head, re.MULTILINE)
+    require(head[:3] == b"ply" and end is not None, "has no PLY header; export it again.")
+    assert end is not None
+    order, elements = None, []
+    for line in head[: end.start()].decode("latin-1").splitlines()[1:]:
+        words = line.split()
+        try:
+            match words:
+                case [] | ["comment" | "obj_info", *_]:
+                    continue
+                case ["format", form, "1.0"] if order is None:
+                    order = ORDERS[form]
+                case ["element", name, count] if count.isdecimal() and len(count) < 19:
+                    elements.append(_Element(name, int(count)))
+                case ["property", "list", length, kind, name]:
+                    _add_list(elements[-1], TYPES[length], TYPES[kind], name)
+                case ["property", kind, name]:
+                    elements[-1].columns.append((name, TYPES[kind]))
+                case _:
+                    raise ValueError(line)
+        except UseError:
+            raise
+        except (KeyError, IndexError, ValueError) as problem:
+            raise UseError(
+                f"has the header line {shown(line)}, which is none of PLY 1.0; export it again."
+            ) from problem
+        require(
+            not elements or len(elements[-1].columns) <= MOST_PROPERTIES,
+            f"has more than {MOST_PROPERTIES} properties; export fewer.",
+        )
+    require(order is not None, "has no line that says its format; export it again.")
+    return str(order), elements, end.end()
+
+
+def _add_list(element: _Element, length: str, kind: str, name: str) -> None:
+    require(
+        length[0] != "f" and (name not in LISTS or kind[0] != "f"),
+        f"has a list {shown(name)} that is not of whole numbers; export it again.",
+    )
+    element.lists.append(name)
+    element.columns.append((f"{name}.count", length))
+    element.columns.extend((f"{name}.{k}", kind) for k in range(3))
+
+
+def _check_fits(element: _Element, size: int, room: int) -> None:
+    require(
+        element.count * size <= room,
+        f"says that it has {element.count:,} of element {shown(element.name)}, but there is room "
+        f"for {room // max(size, 1):,} at most; it is cut off, or export it again.",
+    )
+
+
+def _binary_records(
+    path: Path, order: str, elements: list[_Element], start: int
+) -> dict[str, np.ndarray]:
+    content = np.memmap(path, np.uint8, "r")
+    records = {}
+    for element in elements:
+        dtype = _record_type(element, order)
+        _check_fits(element, dtype.itemsize, len(content) - start)
+        records[element.name] = np.ndarray(element.count, dtype, content.data, start)
+        start += element.count * dtype.itemsize
+    return records
+
+
+def _ascii_records(path: Path, elements: list[_Element], start: int) -> dict[str, np.ndarray]:
+    if path.stat().st_size > MOST_TEXT:
+        return {}
+    words = path.read_bytes()[start:].split()
+    records, first = {}, 0
+    for element in elements:
+        width = len(element.columns)
+        _check_fits(element, width, len(words) - first)
+        last = first + element.count * width
+        table = _numbers(words[first:last]).reshape(element.count, width)
+        named = np.empty(element.count, _record_type(element, "", "f8"))
+        for k, (name, _) in enumerate(element.columns):
+            named[name] = table[:, k]
+        records[element.name] = named
+        first = last
+    return records
+
+
+def _record_type(element: _Element, order: str, kind: str | None = None) -> np.dtype:
+    try:
+        return np.dtype([(name, order + (kind or own)) for name, own in element.columns])
+    except ValueError as problem:
+        raise UseError(
+            f"has two properties of one name in element {shown(element.name)}; export it again."
+        ) from problem
+
+
+def _check_obj(path: Path) -> None:
+    if path.stat().st_size > MOST_TEXT:
+        return
+    content = path.read_bytes()
+    vertices = [line.split(None, 3)[:3] for line in _lines(content, b"v")]
+    faces = [re.sub(rb"/[^ \t]*", b"", line).split() for line in _lines(content, b"f")]
+    require(bool(vertices) and bool(faces), "has no vertices or no faces; export it again.")
+    require(
+        all(len(vertex) == 3 for vertex in vertices),
+        "has a vertex of fewer than three numbers; export it again.",
+    )
+    require(
+        all(len(face) >= 3 for face in faces),
+        "has a face of fewer than three corners; export it again.",
+    )
+    _check_finite(_numbers([number for vertex in vertices for number in vertex]))
+    corners = _numbers([number for face in faces for number in face])
+    _check_indices(corners, 1, len(vertices) + 1)
+
+
+def _lines(content: bytes, word: bytes) -> list[bytes]:
+    """What follows `word` on the lines that begin with it."""
+    return re.findall(rb"^[ \t]*" + word + rb"[ \t]+([^\r\n#]*)", content, re.MULTILINE)
+
+
+def _check_serialized(path: Path) -> None:
+    """Its head and its table of offsets; what is compressed in between is for a child process."""
+    content = np.memmap(path, np.uint8, "r")
+    size = len(content)
+    require(
+        size > 8 and content[:2].tobytes() == SERIALIZED_MAGIC and content[2] in (3, 4),
+        "is not in Mitsuba's serialized format; export it again.",
+    )
+    meshes = int(np.ndarray(1, "<u4", content.data, size - 4)[0])
+    offset = 4 if content[2] == 3 else 8
+    require(
+        0 < meshes <= (size - 8) // offset,
+        f"says that it has {meshes:,} meshes, which do not fit; it is cut off, or export it again.",
+    )
+
+
+def _numbers(words: list[bytes]) -> np.ndarray:
+    try:
+        return np.fromiter(map(float, words), np.float64, len(words))
+    except ValueError as problem:
+        raise UseError("has a word where a number belongs; mend it.") from problem
+
+
+def _check_finite(coordinates: np.ndarray) -> None:
+    with np.errstate(over="ignore"):
+        finite = np.isfinite(coordinates.astype(np.float32, copy=False))
+    require(
+        bool(finite.all()),
+        "has a vertex coordinate that is no finite number of single precision; mend it.",
+    )
+
+
+def _check_indices(indices: np.ndarray, least: int, end: int) -> None:
+    """`indices` are `least` to `end` - 1, and whole."""
+    low, high = indices.min(), indices.max()
+    inside = bool(low >= least and high < end)  # of NaN neither is true
+    worst = low if low < least else high
+    require(
+        inside and (indices.dtype.kind in "iu" or bool((indices % 1 == 0).all())),
+        f"has a face with vertex {worst:.12g}; allowed are whole numbers from {least} to "
+        f"{end - 1}; mend it.",
+    )
+
+
+CHECKERS: dict[str, Callable[[Path], None]] = {
+    "ply": _check_ply,
+    "obj": _check_obj,
+    "serialized": _check_serialized,
+}
