@@ -48,7 +48,10 @@ BAD_FILES = {
     "nothing in the file": ("", "Mitsuba can load.*mend the scene"),
     "no XML": ("a scene with a tree", "Mitsuba can load.*mend the scene"),
     "tag left open": ('<scene version="3.0.0"><shape type="sphere">', "line 1.*mend the scene"),
-    "unknown plugin": (scene_xml('<shape type="spherre"/>'), 'Plugin "spherre" not found.*mend'),
+    "unknown plugin": (
+        scene_xml('<shape type="spherre"/>'),
+        "unknown plugin type 'spherre'.*Did you mean 'sphere'",
+    ),
     "unknown parameter": (
         scene_xml('<shape type="sphere"><float name="radiuss" value="2"/></shape>'),
         "radiuss.*mend the scene",
