@@ -9,6 +9,7 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from asmjax.buffers import EyeBuffer, LightRays, seen_points
+from asmjax.experiment.bias import bias_summary, stated_bias
 from asmjax.experiment.timing import median_by_stage, repeated
 from asmjax.geometry import LightFrame
 from asmjax.shadow import Cost, ShadowAlgorithm, Status
@@ -37,6 +38,8 @@ class Measured:
         status: how the build ended.
         effective_resolution: texels per side, None for traced rays.
         state: of the last timed run; None for traced rays.
+        bias: median and largest distance that its shadow test cannot tell, scene units
+            (`asmjax.experiment.bias`); None for traced rays.
     """
 
     name: str
@@ -46,6 +49,7 @@ class Measured:
     status: Status
     effective_resolution: int | None
     state: Any = None
+    bias: dict | None = None
 
 
 def queried(
@@ -98,7 +102,8 @@ def measure(
         status=algorithm.status(state),
         effective_resolution=algorithm.effective_resolution(state),
         state=state,
-    )  # fmt: skip
+        bias=bias_summary(stated_bias(algorithm, state, eyes[0], frame)),
+    )
 
 
 def measure_rays(

@@ -16,6 +16,7 @@ from asmjax.render.geometry import SceneGeometry
 from asmjax.render.instanced_hits import InstancedHits, shape_number
 from asmjax.render.instances import Instancing
 from asmjax.render.threads import all_threads
+from asmjax.render.working_frame import WORLD, WorkingFrame
 
 LANES = 1 << 24
 """Texels cast in one launch at most; larger requests are cut (memory: about 40 bytes a texel)."""
@@ -33,10 +34,10 @@ def _f32(a: np.ndarray) -> np.ndarray:
 
 
 class FirstSurfaces(NamedTuple):
-    """First hits of world rays, as the renderer has them.
+    """First hits of rays, as the renderer has them.
 
     Attributes:
-        t: (n,) float32 ray parameter, +inf for a miss.
+        t: (n,) float32 ray parameter in working coordinates, +inf for a miss.
         prim, shape: (n,) int32 global primitive id and dense shape id, -1 for a miss.
         albedo: (3, n) float32 diffuse reflectance, 0 for a miss.
         normal: (3, n) float32 geometric normal, as the shape defines it; 0 for a miss.
@@ -53,12 +54,17 @@ class MitsubaRays(LightRays):
     """Light rays against a Mitsuba scene, vectorised (`llvm_*`, `cuda_*`) or one at a time
     (`scalar_*`).
 
+    What the protocol names takes and gives world coordinates in float64. `prepare_occlusion` and
+    `first_surfaces` take rays in the coordinates of `working`, from those who have to know what
+    rounding does to them.
+
     Args:
         mi: the mitsuba module with its variant set.
         scene: the Mitsuba scene of casters.
         shape_ids: dense shape id of each of the scene's shapes, in `geometry`'s order.
         geometry: gives the global primitive ids.
         instancing: which of the shapes in `geometry`'s order are instances; None if none is.
+        working: the frame in which the Mitsuba scene stands.
     """
 
     def __init__(
@@ -68,10 +74,12 @@ class MitsubaRays(LightRays):
         shape_ids: list[int],
         geometry: SceneGeometry,
         instancing: Instancing | None = None,
+        working: WorkingFrame = WORLD,
     ):
         self.mi = mi
         self.scene = scene
         self.geometry = geometry
+        self.working = working
         self.vectorised = not mi.variant().startswith("scalar")
         first = geometry.first_prim[:-1]
         shapes = scene.shapes()
@@ -85,7 +93,9 @@ class MitsubaRays(LightRays):
             offsets[numbers], dense[numbers] = first[shape_ids], shape_ids
             self._offsets, self._dense = mi.Int32(offsets), mi.Int32(dense)
             self._instanced = (
-                InstancedHits(mi, instancing, geometry, numbers, shape_ids) if instancing else None
+                InstancedHits(mi, instancing, geometry, numbers, shape_ids, working)
+                if instancing
+                else None
             )
         else:
             self._ids = {
@@ -96,6 +106,10 @@ class MitsubaRays(LightRays):
         self, origins: np.ndarray, directions: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """First hits of world rays (3, n): t (n,) float64, primitive and dense shape id (n,)."""
+        t, prim, shape = self._hits(self.working.inward(origins), directions)
+        return t / self.working.scale, prim, shape
+
+    def _hits(self, origins, directions):
         if not self.vectorised:
             return self._hits_one_by_one(origins, directions)
         mi, dr = self.mi, self._dr
@@ -147,12 +161,14 @@ class MitsubaRays(LightRays):
         return t + t_min, prim
 
     def occluded(self, origins, directions, t_max):
-        return self.prepare_occlusion(origins, directions, t_max)()
+        end = t_max * self.working.scale
+        return self.prepare_occlusion(self.working.inward(origins), directions, end)()
 
     def prepare_occlusion(
         self, origins: np.ndarray, directions: np.ndarray, t_max: float
     ) -> Callable[[], np.ndarray]:
-        """Put rays (3, n) on the device; the returned function casts them, again at each call."""
+        """Put rays (3, n) in working coordinates on the device; the returned function casts them,
+        again at each call."""
         if self.vectorised:
             mi = self.mi
             ray = mi.Ray3f(mi.Point3f(_f32(origins)), mi.Vector3f(_f32(directions)))
@@ -173,7 +189,8 @@ class MitsubaRays(LightRays):
         return lambda: np.fromiter((test(ray) for ray in rays), bool, len(rays))
 
     def first_surfaces(self, origins: np.ndarray, directions: np.ndarray) -> FirstSurfaces:
-        """What world rays (3, n) hit first, and what it looks like there, in one cast."""
+        """What rays (3, n) in working coordinates hit first, and what it looks like there, in one
+        cast."""
         mi = self.mi
         if self.vectorised:
             dr = self._dr
@@ -225,27 +242,34 @@ class MitsubaRays(LightRays):
         """All windows in one launch; rays are formed on the device from nine numbers a window."""
         if not self.vectorised:
             return super().light_buffer(frame, windows)
+        frame = self.working.light_frame(frame)
         parts = [
             self._launch(frame, windows, start, min(LANES, windows.texels - start))
             for start in range(0, windows.texels, LANES)
         ]
         depth, prim = parts[0] if len(parts) == 1 else map(np.concatenate, zip(*parts, strict=True))
         shape = (windows.count, windows.side, windows.side)
-        return LightBuffer(depth.reshape(shape), prim.reshape(shape))
+        return LightBuffer(self._in_scene_units(depth).reshape(shape), prim.reshape(shape))
 
     def chart_buffer(self, frame: LightFrame, charts: Charts) -> ChartBuffer:
         """All charts in one launch each, which run side by side."""
         if not self.vectorised:
             return super().chart_buffer(frame, charts)
-        found = cast_charts(self.mi, self._intersect, frame, charts)
+        found = cast_charts(self.mi, self._intersect, self.working.light_frame(frame), charts)
         with all_threads():
             self._dr.eval(*found)
-            return chart_buffer_of([(t.numpy(), prim.numpy()) for t, prim in found])
+            return chart_buffer_of([(self._in_scene_units(t.numpy()), p.numpy()) for t, p in found])
+
+    def _in_scene_units(self, depth: np.ndarray) -> np.ndarray:
+        """Depths (n,) float32 of working coordinates, as the scene has them; exact."""
+        scale = self.working.scale
+        return depth if scale == 1 else depth / np.float32(scale)
 
     def _launch(
         self, frame: LightFrame, windows: TexelWindows, start: int, count: int
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Depth and primitive of `count` texels from the flat texel index `start` on."""
+        """Working depth and primitive of `count` texels from the flat texel index `start` on;
+        `frame` is in working coordinates."""
         mi, dr = self.mi, self._dr
         first, step = windows.plane(frame)
         e_u, e_v, e_w = np.moveaxis(frame.rotation[windows.face], 0, -1)

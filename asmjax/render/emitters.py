@@ -1,10 +1,13 @@
 """Mitsuba emitters as light specifications."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
+from asmjax.render.geometry import box_of
 from asmjax.render.sensors import plugin_names
+from asmjax.render.working_frame import WorkingFrame
 from asmjax.scene.spec import LightSpec
 
 
@@ -19,19 +22,29 @@ class SceneLight:
     shape: int | None = None
 
 
-def read_emitters(mi, scene, notices: list[str]) -> dict[str, SceneLight]:
-    """The lights that cast hard shadows, by id, in scene order; the others go to `notices`."""
+def read_emitters(
+    mi, scene, notices: list[str], said: Mapping[str, dict], working: WorkingFrame
+) -> dict[str, SceneLight]:
+    """The lights that cast hard shadows, by id, in scene order; the others go to `notices`.
+
+    Args:
+        said: what the scene says of each plugin, by id (`ParsedScene.properties`).
+        working: the frame in which the shapes stand.
+    """
     lights: dict[str, SceneLight] = {}
     shapes = scene.shapes()
     emitters = scene.emitters()
     for emitter, name in zip(emitters, plugin_names(emitters, "light"), strict=True):
         kind = emitter.class_name()
-        params = mi.traverse(emitter)
+        params, words = mi.traverse(emitter), said.get(emitter.id(), {})
         if kind == "PointLight":
-            position = _vector(params["position"])
+            # As it was said: the emitter itself holds float32.
+            said_at = words.get("to_world", np.zeros((4, 4)))[:3, 3]
+            at = said_at if "to_world" in words else words.get("position", params["position"])
+            position = _vector(at)
             lights[name] = SceneLight(LightSpec(name, "point", position=position))
         elif kind == "SpotLight":
-            matrix = _matrix(params)
+            matrix = _matrix(params, words)
             lights[name] = SceneLight(
                 LightSpec(
                     name,
@@ -42,12 +55,11 @@ def read_emitters(mi, scene, notices: list[str]) -> dict[str, SceneLight]:
                 )
             )
         elif kind == "DirectionalEmitter":
-            direction = _vector(_matrix(params)[:3, 2])
+            direction = _vector(_matrix(params, words)[:3, 2])
             lights[name] = SceneLight(LightSpec(name, "directional", direction=direction))
         elif kind == "AreaLight":
             shape = emitter.get_shape()
-            box = shape.bbox()
-            centre = (np.array(box.min, np.float64) + np.array(box.max, np.float64)).ravel() / 2
+            centre = box_of(shape.bbox(), working).mean(axis=1)
             notices.append(
                 f"light '{name}' is an area emitter; represented by a point at its centre "
                 f"({', '.join(f'{x:g}' for x in centre)}), which casts hard shadows"
@@ -66,5 +78,7 @@ def _vector(value) -> tuple[float, float, float]:
     return float(x), float(y), float(z)
 
 
-def _matrix(params) -> np.ndarray:
+def _matrix(params, words: Mapping) -> np.ndarray:
+    if "to_world" in words:
+        return words["to_world"]
     return np.array(params["to_world"].matrix, np.float64).reshape(4, 4)

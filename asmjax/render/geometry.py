@@ -6,7 +6,10 @@ import equinox as eqx
 import numpy as np
 
 from asmjax.errors import require
+from asmjax.geometry.reintersect import meet_triangles_on_host
 from asmjax.render.instances import Instancing, placement
+from asmjax.render.quadrics import Quadrics
+from asmjax.render.working_frame import WorkingFrame
 
 NOT_A_MESH = -1
 
@@ -32,6 +35,7 @@ class SceneGeometry(eqx.Module):
         part_prim: (n_parts,) int64, first primitive of a part, counted from that of its shape.
         to_world: (3, 4, n_shapes) float64, from stored coordinates to the world's; None in a scene
             without instances.
+        quadrics: the shapes that are spheres, cylinders or disks.
     """
 
     vertices: np.ndarray
@@ -43,6 +47,7 @@ class SceneGeometry(eqx.Module):
     first_part: np.ndarray
     part_prim: np.ndarray
     to_world: np.ndarray | None
+    quadrics: Quadrics
 
     @property
     def triangles(self) -> int:
@@ -91,15 +96,21 @@ class SceneGeometry(eqx.Module):
         return self.vertices.take(a, 1), self.vertices.take(b, 1), self.vertices.take(c, 1)
 
 
-def read_geometry(mi, shapes: list, bbox, instancing: Instancing) -> SceneGeometry:
-    """Copy the triangles of Mitsuba shapes and their shape groups to the host.
+def read_geometry(
+    mi, shapes: list, bbox, instancing: Instancing, working: WorkingFrame
+) -> SceneGeometry:
+    """Copy the triangles of Mitsuba shapes in `working` and their shape groups to the host.
 
     Raises:
         UseError: more primitives than an int32 can number.
     """
     alone = [(shape,) for shape, k in zip(shapes, instancing.group, strict=True) if k < 0]
     sources = [*alone, *instancing.parts]
-    vertices, faces, flat = _copied([part for source in sources for part in source])
+    own = sum(shape.vertex_count() for (shape,) in alone if shape.is_mesh())
+    points, faces, flat = _copied([part for source in sources for part in source])
+    vertices = np.concatenate(points, axis=1)
+    # Groups keep coordinates of their own.
+    vertices[:, :own] = working.outward(vertices[:, :own])
     stored = np.concatenate([[0], np.cumsum([f.shape[1] for f in faces])]).astype(np.int64)
     first_part = np.concatenate([[0], np.cumsum([len(s) for s in sources])]).astype(np.int64)
     # A shape of its own is the next of those, an instance one of the groups behind them.
@@ -108,16 +119,31 @@ def read_geometry(mi, shapes: list, bbox, instancing: Instancing) -> SceneGeomet
     owner = np.repeat(np.arange(len(sources)), np.diff(first_part))
     counts = np.diff(stored[first_part])
     return SceneGeometry(
-        vertices=np.concatenate(vertices, axis=1),
+        vertices=vertices,
         faces=np.concatenate(faces, axis=1),
         flat=np.repeat(np.array(flat, bool), np.diff(stored)),
         first_prim=first_ids(counts[source]),
-        bounds=np.array([np.array(bbox.min).ravel(), np.array(bbox.max).ravel()], np.float64).T,
+        bounds=box_of(bbox, working),
         first_stored=stored[first_part[source]],
         first_part=first_part[source],
         part_prim=stored[:-1] - stored[first_part[owner]],
-        to_world=np.stack([placement(mi, s) for s in shapes], axis=2) if instancing else None,
+        to_world=_places(mi, shapes, instancing, working) if instancing else None,
+        quadrics=Quadrics(mi, shapes, working),
     )
+
+
+def _places(mi, shapes: list, instancing: Instancing, working: WorkingFrame) -> np.ndarray:
+    """(3, 4, n_shapes) float64, from the stored coordinates of each shape to the world's."""
+    places = np.stack([placement(mi, shape) for shape in shapes], axis=2)
+    instances = instancing.group >= 0
+    places[:, :, instances] = working.places_outward(places[:, :, instances])
+    return places
+
+
+def box_of(bbox, working: WorkingFrame) -> np.ndarray:
+    """(3, 2) float64, world, min and max per axis, of a Mitsuba box in `working`."""
+    ends = [np.array(bbox.min).ravel(), np.array(bbox.max).ravel()]
+    return working.outward(np.array(ends, np.float64).T)
 
 
 def first_ids(counts: np.ndarray) -> np.ndarray:
@@ -151,23 +177,28 @@ def _copied(parts: list) -> tuple[list[np.ndarray], list[np.ndarray], list[bool]
     return vertices, faces, flat
 
 
-def meet_planes(
+def meet_surfaces(
     geometry: SceneGeometry,
     prim: np.ndarray,
     origin: np.ndarray,
     directions: np.ndarray,
     shape: np.ndarray | None = None,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Where float64 rays meet the planes of triangles: parameter t (n,) and unit normals (3, n).
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Where float64 rays meet the triangles that a float32 ray caster names: parameter t (n,),
+    place (3, n) and unit normals (3, n).
 
-    Mitsuba's float32 hit only says which triangle; this is the exact point of its plane. Normals
-    face the ray's origin. t is NaN for a degenerate triangle or a ray in its plane.
+    One ray in 10^5 passes beyond the edge of its triangle: it gets the nearest place on that by
+    barycentric coordinates, which is on the edge that the right triangle shares. Normals face the
+    ray's origin. t is NaN for a triangle without an area or a ray in its plane.
     """
-    a, b, c = geometry.corners(prim, shape)
-    (p, q, r), (u, v, w) = b - a, c - a
-    normal = np.stack([q * w - r * v, r * u - p * w, p * v - q * u])
-    facing = np.einsum("in,in->n", normal, directions)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        t = np.einsum("in,in->n", normal, a - origin[:, None]) / facing
-        normal *= -np.sign(facing) / np.sqrt(np.einsum("in,in->n", normal, normal))
-    return t, normal
+    corners = geometry.corners(prim, shape)
+    found = meet_triangles_on_host(origin, directions, corners)
+    t = np.where(found.met, found.t, np.nan)
+    place = origin[:, None] + t * directions
+    beyond = np.flatnonzero(found.met & ~found.inside)
+    weights = np.maximum(found.weights[:, beyond], 0)
+    weights /= weights.sum(axis=0)
+    place[:, beyond] = sum(
+        w * corner[:, beyond] for w, corner in zip(weights, corners, strict=True)
+    )
+    return t, place, np.asarray(found.normal)

@@ -6,6 +6,7 @@ import numpy as np
 
 from asmjax.render.geometry import SceneGeometry
 from asmjax.render.instances import Instancing
+from asmjax.render.working_frame import WorkingFrame
 
 
 def shape_number(mi, shape) -> int:
@@ -24,6 +25,7 @@ class InstancedHits:
         geometry: counts primitives and knows where instances stand.
         numbers: `shape_number` of each shape that is cast against.
         shape_ids: dense shape id of each of them, in `geometry`'s order.
+        working: the frame in which the renderer's scene stands.
     """
 
     def __init__(
@@ -33,6 +35,7 @@ class InstancedHits:
         geometry: SceneGeometry,
         numbers: list[int],
         shape_ids: list[int],
+        working: WorkingFrame,
     ):
         import drjit as dr
 
@@ -46,7 +49,9 @@ class InstancedHits:
         parts = [shape_number(mi, part) for group in instancing.parts for part in group]
         self._parts = mi.UInt32(np.array([0] * alone + parts, np.uint32))
         assert geometry.to_world is not None
-        matrix = np.moveaxis(geometry.to_world[:, :, shape_ids], 2, 0)
+        places, instances = geometry.to_world.copy(), instancing.group >= 0
+        places[:, :, instances] = working.places_inward(places[:, :, instances])
+        matrix = np.moveaxis(places[:, :, shape_ids], 2, 0)
         inverse = np.linalg.inv(matrix[:, :, :3])
         shift = -np.einsum("nij,nj->ni", inverse, matrix[:, :, 3])
         to_part = np.zeros((first_part.size, 3, 4), np.float32)
@@ -85,7 +90,7 @@ class InstancedHits:
         return self._dr.scoped_set_flag(self._dr.JitFlag.SymbolicCalls, False)
 
     def to_world(self, hit, normal):
-        """Unit normals (3, n) in the world from those of the part that was hit."""
+        """Unit normals (3, n) of the scene from those of the part that was hit."""
         # The inverse transpose; the rows lead from the world into the part.
         rows = self._rows(hit)
         turned = (sum(rows[i][k] * normal[i] for i in range(3)) for k in range(3))

@@ -14,24 +14,18 @@ from asmjax.geometry import LightFrame
 from asmjax.render.caster import MitsubaRays
 from asmjax.render.emitters import SceneLight, read_emitters
 from asmjax.render.eye import cast_eye
-from asmjax.render.geometry import SceneGeometry, read_geometry
+from asmjax.render.geometry import SceneGeometry, box_of, read_geometry
 from asmjax.render.instances import Instancing, find_instances, known_instances
+from asmjax.render.parsed import ParsedScene
 from asmjax.render.sensors import plugin_names, read_sensors
+from asmjax.render.spec_shapes import mitsuba_shape, spec_bounds
 from asmjax.render.truth import ShadowRays
+from asmjax.render.untrusted import admit
 from asmjax.render.variant import activate
+from asmjax.render.working_frame import WORLD, WorkingFrame, working_frame
 from asmjax.scene.builtin import BUILTIN, is_builtin, load_builtin
 from asmjax.scene.lights import Eyes, kept_light_frame, light_frame
-from asmjax.scene.spec import (
-    Disk,
-    LightSpec,
-    Mesh,
-    Rectangle,
-    SceneSpec,
-    Shape,
-    Sphere,
-    ViewSpec,
-    pick,
-)
+from asmjax.scene.spec import LightSpec, SceneSpec, ViewSpec, pick
 
 _log = logging.getLogger("asmjax")
 
@@ -48,6 +42,7 @@ class Scene:
         variant: the Mitsuba variant that casts.
         shape_names: a name for each shape, in scene order.
         path: key views of the scene's own walkthrough; empty where it has none.
+        working: the frame in which the renderer casts rays; everything else is in the world's.
     """
 
     name: str
@@ -58,6 +53,7 @@ class Scene:
     variant: str
     shape_names: tuple[str, ...]
     path: tuple[ViewSpec, ...]
+    working: WorkingFrame
     _mi: Any
     _scene: Any
     _rays: MitsubaRays
@@ -103,7 +99,7 @@ class Scene:
         groups = {f"group{k}": group for k, group in enumerate(self._instancing.groups)}
         scene = self._mi.load_dict({"type": "scene", **groups, **casters}, optimize=False)
         others = [i for i in range(len(shapes)) if i != lamp]
-        return MitsubaRays(self._mi, scene, others, self.geometry, self._instancing)
+        return MitsubaRays(self._mi, scene, others, self.geometry, self._instancing, self.working)
 
     def light_frame(self, eye: Eyes, light: str | int | None = None) -> LightFrame:
         """The light frame that serves the receivers of the eye, or of all samples of its pixels."""
@@ -129,24 +125,40 @@ class Scene:
         return ShadowRays(self.geometry, eye, frame, rays)
 
 
-def load_scene(source: str | os.PathLike | dict | SceneSpec, variant: str | None = None) -> Scene:
+def load_scene(
+    source: str | os.PathLike | dict | SceneSpec, variant: str | None = None, trust: bool = False
+) -> Scene:
     """A scene by built-in name, path of a Mitsuba XML file, Mitsuba dictionary or `SceneSpec`.
 
-    Shapes are kept apart (`optimize=False`). The Mitsuba variant is chosen on the first call of
-    the process (see `asmjax.render.variant`).
+    Shapes are kept apart (`optimize=False`). A scene far from the origin, very small or very large
+    is cast in a frame of its own (`asmjax.render.working_frame`). The Mitsuba variant is chosen on
+    the first call of the process (see `asmjax.render.variant`).
+
+    Args:
+        trust: take a scene file as it is, unchecked: it may then crash the process, read any file,
+            or run code of its own (docs/scene_files.md).
 
     Raises:
-        UseError: unknown name, missing or malformed file, or a scene without shapes.
+        UseError: unknown name, missing, malformed or hostile file, or a scene without shapes.
     """
     if isinstance(source, SceneSpec):
         return _from_spec(activate(variant), source)
     if isinstance(source, dict):
         mi = activate(variant)
-        return _from_mitsuba(mi, "dict", _load(mi.load_dict, source, "the scene dictionary"))
+        return _from_mitsuba("dict", ParsedScene(mi, source, "the scene dictionary"), mi)
     name = os.fspath(source)
-    path = Path(name)
     if is_builtin(name):
         return _from_spec(activate(variant), load_builtin(name))
+    path = _scene_file(name)
+    mi = activate(variant)
+    if not trust:
+        admit(path, variant)
+    return _from_mitsuba(path.stem, ParsedScene(mi, path, f"scene file '{name}'"), mi)
+
+
+def _scene_file(name: str) -> Path:
+    """The scene file of that name. Raises `UseError` where there is none."""
+    path = Path(name)
     try:
         exists, folder, file = path.exists(), path.is_dir(), path.is_file()
     except OSError as problem:
@@ -162,41 +174,41 @@ def load_scene(source: str | os.PathLike | dict | SceneSpec, variant: str | None
         raise UseError(f"'{name}' is a folder; give the path of a Mitsuba .xml file.")
     if not file:
         raise UseError(f"there is no scene file '{name}'; give the path of a Mitsuba .xml file.")
-    mi = activate(variant)
-    return _from_mitsuba(mi, path.stem, _load(mi.load_file, str(path), f"scene file '{name}'"))
+    return path
 
 
-def _load(loader, source, what: str):
-    try:
-        return loader(source, optimize=False)
-    except Exception as problem:
-        lines = [line.strip() for line in str(problem).splitlines() if line.strip()]
-        reason = " ".join(lines[:2]) if lines else type(problem).__name__
-        raise UseError(
-            f"{what} is not a scene that Mitsuba can load: {reason[:400]}; mend the scene."
-        ) from problem
-
-
-def _from_mitsuba(mi, name: str, scene) -> Scene:
+def _from_mitsuba(name: str, parsed: ParsedScene, mi) -> Scene:
+    said, can_move, can_scale = parsed.properties(), parsed.can_move, parsed.can_scale
+    scene, working, notices = parsed.made(WORLD), WORLD, []
     if not hasattr(scene, "shapes") or not scene.shapes():
         raise UseError(f"scene '{name}' has no shapes; asmjax needs surfaces to cast shadows on.")
+    better = working_frame(box_of(scene.bbox(), WORLD), scales=can_scale)
+    if not better.is_identity and can_move:
+        scene, working = parsed.made(better), better
+    elif not better.is_identity:
+        notices.append(
+            f"scene '{name}' is far from the origin, very small or very large, and holds shapes "
+            "that were made before: rays are cast where it is, and lose digits there"
+        )
     instancing = find_instances(mi, scene, name)
-    notices: list[str] = []
-    views = read_sensors(mi, scene.sensors(), notices)
-    lights = read_emitters(mi, scene, notices)
+    low, high = box_of(scene.bbox(), working).T
+    views = read_sensors(mi, scene.sensors(), notices, said, float(np.linalg.norm(high - low)))
+    lights = read_emitters(mi, scene, notices, said, working)
     names = plugin_names(scene.shapes(), "shape")
-    return _scene(mi, name, scene, instancing, views, lights, notices, names)
+    return _scene(mi, name, scene, instancing, views, lights, notices, names, working=working)
 
 
 def _from_spec(mi, spec: SceneSpec) -> Scene:
-    parts = {f"shape{i}": _mitsuba_shape(mi, shape) for i, shape in enumerate(spec.shapes)}
+    working = working_frame(spec_bounds(spec))
+    parts = {f"shape{i}": mitsuba_shape(mi, s, working) for i, s in enumerate(spec.shapes)}
     names = [shape.name for shape in spec.shapes]
     groups, group = [], [-1] * len(names)
     for k, instances in enumerate(spec.instances):
-        meshes = {f"mesh{i}": _mitsuba_shape(mi, mesh) for i, mesh in enumerate(instances.meshes)}
+        meshes = {f"mesh{i}": mitsuba_shape(mi, m, WORLD) for i, m in enumerate(instances.meshes)}
         groups.append(mi.load_dict({"type": "shapegroup", **meshes}))
         parts[f"group{k}"] = groups[-1]
-        for i, matrix in enumerate(instances.transforms):
+        placed = working.places_inward(np.moveaxis(instances.transforms, 0, 2))
+        for i, matrix in enumerate(np.moveaxis(placed, 2, 0)):
             to_world = mi.ScalarTransform4f(np.vstack([matrix, [0.0, 0.0, 0.0, 1.0]]))
             parts[f"instance{k}_{i}"] = {
                 "type": "instance", "shapegroup": groups[-1], "to_world": to_world
@@ -207,16 +219,19 @@ def _from_spec(mi, spec: SceneSpec) -> Scene:
     instancing = known_instances(mi, groups, group)
     lights = {name: SceneLight(light) for name, light in spec.lights.items()}
     return _scene(
-        mi, spec.name, scene, instancing, dict(spec.views), lights, [], names, spec.path
+        mi, spec.name, scene, instancing, dict(spec.views), lights, [], names, spec.path, working
     )  # fmt: skip
 
 
-def _scene(mi, name, scene, instancing, views, lights, notices, shape_names, path=()) -> Scene:
+def _scene(
+    mi, name, scene, instancing, views, lights, notices, shape_names, path=(), working=WORLD
+) -> Scene:
     for notice in notices:
         _log.warning("%s", notice)
-    geometry = read_geometry(mi, scene.shapes(), scene.bbox(), instancing)
+    geometry = read_geometry(mi, scene.shapes(), scene.bbox(), instancing, working)
     if not np.isfinite(geometry.bounds).all():
         raise UseError(f"scene '{name}' has no finite bounding box; mend its vertices.")
+    every = list(range(len(scene.shapes())))
     return Scene(
         name=name,
         views=views,
@@ -226,39 +241,9 @@ def _scene(mi, name, scene, instancing, views, lights, notices, shape_names, pat
         variant=mi.variant(),
         shape_names=tuple(shape_names),
         path=tuple(path),
+        working=working,
         _mi=mi,
         _scene=scene,
-        _rays=MitsubaRays(mi, scene, list(range(len(scene.shapes()))), geometry, instancing),
+        _rays=MitsubaRays(mi, scene, every, geometry, instancing, working),
         _instancing=instancing,
     )
-
-
-def _mitsuba_shape(mi, shape: Shape):
-    reflectance = {"type": "rgb", "value": list(shape.reflectance)}
-    bsdf = {"type": "twosided", "surface": {"type": "diffuse", "reflectance": reflectance}}
-    if isinstance(shape, Mesh):
-        props = mi.Properties()
-        props["bsdf"] = mi.load_dict(bsdf)
-        props["face_normals"] = True
-        mesh = mi.Mesh(shape.name, shape.vertices.shape[1], shape.faces.shape[1], props)
-        params = mi.traverse(mesh)
-        params["vertex_positions"] = np.ascontiguousarray(shape.vertices.T, np.float32).ravel()
-        params["faces"] = np.ascontiguousarray(shape.faces.T, np.uint32).ravel()
-        params.update()
-        return mesh
-    if isinstance(shape, Sphere):
-        return {
-            "type": "sphere", "center": list(shape.centre), "radius": shape.radius, "bsdf": bsdf
-        }  # fmt: skip
-    transform = np.eye(4)
-    transform[:3, 3] = shape.centre
-    if isinstance(shape, Rectangle):
-        transform[:3, 0], transform[:3, 1] = shape.half_u, shape.half_v
-        normal = np.cross(shape.half_u, shape.half_v)
-        transform[:3, 2] = normal / np.linalg.norm(normal)
-        return {"type": "rectangle", "to_world": mi.ScalarTransform4f(transform), "bsdf": bsdf}
-    assert isinstance(shape, Disk)
-    from asmjax.geometry import basis_from_axis
-
-    transform[:3, :3] = basis_from_axis(shape.normal).T * shape.radius
-    return {"type": "disk", "to_world": mi.ScalarTransform4f(transform), "bsdf": bsdf}

@@ -6,9 +6,11 @@ import numpy as np
 
 from asmjax.errors import UseError, require, unknown_name
 from asmjax.render.caster import MitsubaRays
-from asmjax.render.geometry import SceneGeometry
+from asmjax.render.geometry import SceneGeometry, box_of
 from asmjax.render.instances import is_instance
 from asmjax.render.load import Scene
+from asmjax.render.quadrics import Quadrics
+from asmjax.render.working_frame import WorkingFrame
 
 LARGEST_OBJECT = 0.5
 """A shape whose diagonal is more than this part of the scene's is its surroundings, no object."""
@@ -48,7 +50,7 @@ class MovingShapes:
             )
         self._rest = [_place(scene._mi, shape) for shape in self._movable]
         self._offset = np.zeros(3)
-        boxes = np.stack([_box(shape) for shape in self._movable])
+        boxes = self._boxes()
         low, high = boxes[:, :, 0].min(axis=0), boxes[:, :, 1].max(axis=0)
         self.diagonal = float(np.linalg.norm(high - low))
 
@@ -62,19 +64,27 @@ class MovingShapes:
         mi, renderer = self._scene._mi, self._scene._scene
         if np.array_equal(offset, self._offset):
             return self._scene, None
-        before = [_box(shape) for shape in self._movable]
+        before, scale = self._boxes(), self._scene.working.scale
         for shape, rest in zip(self._movable, self._rest, strict=True):
-            _move(mi, shape, rest, offset)
+            _move(mi, shape, rest, scale * np.asarray(offset))
         self._offset = np.array(offset, np.float64)
         # Shapes that changed are dirty; this rebuilds what rays are cast against.
         renderer.parameters_changed([])
-        boxes = np.stack([*before, *(_box(shape) for shape in self._movable)])
-        shapes = renderer.shapes()
-        geometry = _with_vertices(self._scene.geometry, shapes, self.shapes, renderer)
+        boxes = np.concatenate([before, self._boxes()])
+        shapes, working = renderer.shapes(), self._scene.working
+        geometry = replace(
+            _with_vertices(self._scene.geometry, shapes, self.shapes, renderer, working),
+            quadrics=Quadrics(mi, shapes, working),
+        )
         instancing = self._scene._instancing
-        rays = MitsubaRays(mi, renderer, list(range(len(shapes))), geometry, instancing)
+        rays = MitsubaRays(mi, renderer, list(range(len(shapes))), geometry, instancing, working)
         self._scene = replace(self._scene, geometry=geometry, _rays=rays)
         return self._scene, boxes
+
+    def _boxes(self) -> np.ndarray:
+        """(k, 3, 2) float64, world, of the shapes that move."""
+        working = self._scene.working
+        return np.stack([box_of(shape.bbox(), working) for shape in self._movable])
 
 
 def _chosen(scene: Scene, wanted: str | None) -> list[int]:
@@ -83,7 +93,8 @@ def _chosen(scene: Scene, wanted: str | None) -> list[int]:
         shapes = scene._scene.shapes()
         low, high = scene.geometry.bounds.T
         most = LARGEST_OBJECT * np.linalg.norm(high - low)
-        sizes = [np.linalg.norm(np.diff(_box(shape), axis=1)) for shape in shapes]
+        boxes = [box_of(shape.bbox(), scene.working) for shape in shapes]
+        sizes = [np.linalg.norm(np.diff(box, axis=1)) for box in boxes]
         objects = [
             k for k, size in enumerate(sizes) if 0 < size <= most and not is_instance(shapes[k])
         ]
@@ -103,13 +114,9 @@ def _chosen(scene: Scene, wanted: str | None) -> list[int]:
     raise unknown_name("object", wanted, names, f"Indices 0 to {len(names) - 1} work too.")
 
 
-def _box(shape) -> np.ndarray:
-    """(3, 2) float64, min and max per axis, of a shape or a scene."""
-    box = shape.bbox()
-    return np.array([np.array(box.min).ravel(), np.array(box.max).ravel()], np.float64).T
-
-
-def _with_vertices(geometry: SceneGeometry, shapes, moved: list[int], renderer) -> SceneGeometry:
+def _with_vertices(
+    geometry: SceneGeometry, shapes, moved: list[int], renderer, working: WorkingFrame
+) -> SceneGeometry:
     """`geometry` with the vertices of the moved shapes and the scene's box as they are now."""
     counts = [shape.vertex_count() if shape.is_mesh() else 0 for shape in shapes]
     first = np.concatenate([[0], np.cumsum(counts)])
@@ -117,12 +124,13 @@ def _with_vertices(geometry: SceneGeometry, shapes, moved: list[int], renderer) 
     for k in moved:
         if counts[k]:
             flat = np.array(shapes[k].vertex_positions_buffer(), np.float64)
-            vertices[:, first[k] : first[k + 1]] = flat.reshape(-1, 3).T
-    return replace(geometry, vertices=vertices, bounds=_box(renderer))
+            vertices[:, first[k] : first[k + 1]] = working.outward(flat.reshape(-1, 3).T)
+    return replace(geometry, vertices=vertices, bounds=box_of(renderer.bbox(), working))
 
 
 def _place(mi, shape) -> np.ndarray:
-    """Vertices (n, 3) of a mesh, the (4, 4) transform of any other shape; float64."""
+    """Vertices (n, 3) of a mesh, the (4, 4) transform of any other shape; float64, in the frame in
+    which the shape stands."""
     params = mi.traverse(shape)
     if _VERTICES in params:
         return np.array(params[_VERTICES], np.float64).reshape(-1, 3)

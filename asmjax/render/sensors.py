@@ -1,15 +1,30 @@
 """Mitsuba sensors as view specifications."""
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from asmjax.errors import UseError
 from asmjax.scene.spec import ViewSpec
 
+NEAR, FAR = 1e-6, 1e4
+"""Clip distances in diagonals of the scene, where it says none and the renderer's own would cut."""
+
+LARGEST_NEAR, LEAST_FAR = 1e-2, 4.0
+"""Up to and from here, in diagonals of the scene, the renderer's own clip distances are taken."""
+
 SUPPORTED = ("PerspectiveCamera", "ThinLensCamera")
 
 
-def read_sensors(mi, sensors: list, notices: list[str]) -> dict[str, ViewSpec]:
-    """The scene's pinhole views by id, in scene order; what is left out is added to `notices`."""
+def read_sensors(
+    mi, sensors: list, notices: list[str], said: Mapping[str, dict], diagonal: float
+) -> dict[str, ViewSpec]:
+    """The scene's pinhole views by id, in scene order; what is left out is added to `notices`.
+
+    Args:
+        said: what the scene says of each plugin, by id (`ParsedScene.properties`).
+        diagonal: of the scene's box, scene units.
+    """
     views: dict[str, ViewSpec] = {}
     for sensor, name in zip(sensors, plugin_names(sensors, "sensor"), strict=True):
         if sensor.class_name() not in SUPPORTED:
@@ -20,7 +35,7 @@ def read_sensors(mi, sensors: list, notices: list[str]) -> dict[str, ViewSpec]:
             continue
         if sensor.class_name() == "ThinLensCamera":
             notices.append(f"sensor '{name}' is a thin lens; seen as a pinhole, all in focus")
-        views[name] = _read_view(mi, name, sensor)
+        views[name] = _read_view(mi, name, sensor, said.get(sensor.id(), {}), diagonal)
     return views
 
 
@@ -40,9 +55,13 @@ def plugin_names(plugins: list, kind: str) -> list[str]:
     return names
 
 
-def _read_view(mi, name: str, sensor) -> ViewSpec:
+def _read_view(mi, name: str, sensor, said: Mapping, diagonal: float) -> ViewSpec:
     params = mi.traverse(sensor)
-    matrix = np.array(params["to_world"].matrix, np.float64).reshape(4, 4)
+    # As it was said: the sensor itself holds float32.
+    if "to_world" in said:
+        matrix = said["to_world"]
+    else:
+        matrix = np.array(params["to_world"].matrix, np.float64).reshape(4, 4)
     if not np.isfinite(matrix).all():
         raise UseError(
             f"sensor '{name}' has a to_world transform that is not finite; give a camera with "
@@ -62,6 +81,7 @@ def _read_view(mi, name: str, sensor) -> ViewSpec:
         raise UseError(
             f"sensor '{name}' has a principal point that is not finite; give finite offsets."
         )
+    near, far = float(params["near_clip"]), float(params["far_clip"])
     focal = 0.5 * width / np.tan(np.radians(fov_deg) / 2)
     principal = width * (0.5 - shift_x) - crop_x, height * (0.5 - shift_y) - crop_y
     return ViewSpec(
@@ -72,8 +92,8 @@ def _read_view(mi, name: str, sensor) -> ViewSpec:
         fov_x_deg=float(np.degrees(2 * np.arctan(0.5 * crop_width / focal))),
         width=crop_width,
         height=crop_height,
-        near=float(params["near_clip"]),
-        far=float(params["far_clip"]),
+        near=near if "near_clip" in said or near <= LARGEST_NEAR * diagonal else NEAR * diagonal,
+        far=far if "far_clip" in said or far >= LEAST_FAR * diagonal else FAR * diagonal,
         principal_point=(principal[0] / crop_width - 0.5, principal[1] / crop_height - 0.5),
         mirrored=bool(np.dot(np.cross(left, up), forward) < 0),
     )

@@ -6,6 +6,7 @@ from asmjax.buffers import EyeBuffer
 from asmjax.geometry import LightFrame, in_domain, towards_light
 from asmjax.render.caster import MitsubaRays
 from asmjax.render.geometry import SceneGeometry
+from asmjax.render.working_frame import WORLD, WorkingFrame
 
 OFFSET_ULPS = 8.0
 """Shadow rays start this many float32 roundings of the largest coordinate off the surface.
@@ -33,11 +34,15 @@ class ShadowRays:
         self.facing = eye.valid & facing & in_domain(frame, world)
         self.pixels = np.flatnonzero(self.facing)
         self.count = int(self.pixels.size)
-        chosen = world[:, self.pixels]
-        gap = offset_along_normal(geometry, eye.prim[self.pixels], chosen, eye.shape[self.pixels])
+        working = rays.working
+        chosen = working.inward(world[:, self.pixels])
+        gap = offset_along_normal(
+            geometry, eye.prim[self.pixels], chosen, eye.shape[self.pixels], working
+        )
         origins = (chosen + gap * eye.normal[:, self.pixels]).astype(np.float32)
         if frame.perspective:
-            directions = frame.origin[:, None] - origins.astype(np.float64)
+            light = working.inward(frame.origin[:, None])
+            directions = light - origins.astype(np.float64)
             t_max = 1.0 - LIGHT_GAP
         else:
             directions, t_max = to_light[:, self.pixels], np.inf
@@ -55,13 +60,16 @@ def offset_along_normal(
     prim: np.ndarray,
     position: np.ndarray,
     shape: np.ndarray | None = None,
+    working: WorkingFrame = WORLD,
 ) -> np.ndarray:
     """How far (n,) off the surface a float32 ray must start not to hit the surface it left.
 
-    Rounding acts on the largest coordinate in play: of the point, or of its triangle's corners.
+    Rounding acts on the largest coordinate in play: of the point (3, n), or of its triangle's
+    corners. Positions and distances are in `working` coordinates.
     """
     largest = np.abs(position).max(axis=0, initial=0.0)
     on_mesh = geometry.on_mesh(prim, shape)
     for corner in geometry.corners(prim[on_mesh], None if shape is None else shape[on_mesh]):
-        largest[on_mesh] = np.maximum(largest[on_mesh], np.abs(corner).max(axis=0, initial=0.0))
+        reach = np.abs(working.inward(corner)).max(axis=0, initial=0.0)
+        largest[on_mesh] = np.maximum(largest[on_mesh], reach)
     return OFFSET_ULPS * np.finfo(np.float32).eps * largest

@@ -33,6 +33,7 @@ def method_records(
             rays=method.cost.rays,
             seconds=method.cost.seconds,
             error=error_summary(expected, method.visibility.reshape(size), valid, pairs),
+            **({} if method.bias is None else {"bias": method.bias}),
             **_tree_keys(adaptive, method),
         )
         for method in methods

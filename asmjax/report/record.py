@@ -10,6 +10,7 @@ from typing import SupportsIndex
 
 import numpy as np
 
+from asmjax.memory import Forecast
 from asmjax.paths import write_atomic
 from asmjax.report.keys import InvalidReport, first_unstorable
 from asmjax.report.schema import RUN_SCHEMA, validate_report
@@ -43,7 +44,7 @@ def method_record(
     rays: SupportsIndex,
     seconds: Mapping[str, float],
     error: Mapping,
-    **adaptive,
+    **more,
 ) -> dict:
     """One entry of `methods`; units and further keys as in `asmjax.report.schema`.
 
@@ -51,7 +52,7 @@ def method_record(
         seconds: build, analysis and query, and id_pass in a walkthrough; `total` is their sum
             unless given.
         error: from `asmjax.metrics.error_summary`.
-        adaptive: nodes, passes, max_level and status of an adaptive method.
+        more: bias of a map; nodes, passes, max_level and status of an adaptive method.
     """
     stages = {stage: float(seconds.get(stage, 0.0)) for stage in ("build", "analysis", "query")}
     if "id_pass" in seconds:
@@ -65,7 +66,7 @@ def method_record(
         "rays": index(rays),
         "seconds": stages | {"total": float(seconds.get("total", sum(stages.values())))},
         "error": dict(error),
-    } | adaptive
+    } | more
 
 
 def storable(value):
@@ -87,6 +88,7 @@ def run_report(
     maps: Mapping[str, Mapping],
     methods: Sequence[Mapping],
     notices: Sequence[str] = (),
+    memory: Forecast | None = None,
 ) -> dict:
     """The validated report of `asmjax run`, NumPy and JAX scalars turned into plain numbers.
 
@@ -112,6 +114,7 @@ def run_report(
         maps=maps,
         methods=methods,
         notices=notices,
+        memory=memory,
     )
 
 
@@ -121,12 +124,14 @@ def report_of_entries(
     argv: Sequence[str],
     provenance: Mapping,
     seed: SupportsIndex,
+    memory: Forecast | None = None,
     **entries,
 ) -> dict:
     """A validated report of that schema, NumPy and JAX scalars turned into plain numbers.
 
     Args:
         argv, provenance: as of `run_report`.
+        memory: what the job was estimated to take, if it was.
         entries: all other keys of the schema.
 
     Raises:
@@ -136,6 +141,7 @@ def report_of_entries(
         "schema": schema,
         "command": shlex.join(argv),
         **provenance,
+        **({} if memory is None else {"memory": memory.record()}),
         "seed": index(seed),
         **entries,
     }

@@ -45,6 +45,11 @@ _SECONDS = {
     "total": Key("amount", "all of it, seconds"),
 }
 
+_BIAS = {
+    "median": Key("amount", "over the receivers that face the light, scene units"),
+    "max": Key("amount", "largest of them: thicker walls let no light through, scene units"),
+}
+
 _METHOD = {
     "name": Key("text", "begins with a family of the registry, or rays; unique in the report"),
     "settings": Key("any object", "all settings that the method ran with"),
@@ -55,6 +60,7 @@ _METHOD = {
     "rays": Key("count", "rays cast"),
     "seconds": Key(_SECONDS, "wall time by stage"),
     "error": Key(ERROR, "errors against truth"),
+    "bias": Key(_BIAS, "what its shadow test cannot tell, along the receivers' normals", False),
     "nodes": Key("count", "nodes of the tree that hold texels", False),
     "passes": Key("count", "launches of light rays, the starting resolution included", False),
     "max_level": Key("count", "level of the deepest node, 0 for the root", False),

@@ -77,6 +77,14 @@ def plane_is_trusted(
     return (scale > FLATTEST) & (scale < 1 / FLATTEST)
 
 
+def bias_distance(
+    receivers: Receivers, texel: Float[Array, "..."] | float, bias: Float[Array, ""] | float
+) -> Float[Array, " n"]:
+    """How far along its normal a caster may stand above each receiver's tangent plane and still be
+    taken for the receiver, scene units: (n,). What is thicker than that casts its shadow."""
+    return bias * receivers.depth + CURVATURE_BIAS * texel * receivers.reach
+
+
 def lit_by_texel(
     receivers: Receivers,
     offset_uv: Float[Array, "2 n"],
@@ -96,8 +104,7 @@ def lit_by_texel(
     """
     lit = jnp.zeros_like(receivers.facing)
     if map_depth is not None:
-        along_normal = bias * receivers.depth + CURVATURE_BIAS * texel * receivers.reach
-        tolerance = receivers.secant * along_normal
+        tolerance = receivers.secant * bias_distance(receivers, texel, bias)
         lit |= map_depth >= plane_depth(receivers, offset_uv, perspective) - tolerance
     if map_prim is not None:
         lit |= (map_prim == pack_prim(receivers.prim)) & (receivers.prim >= 0)

@@ -76,7 +76,9 @@ def test_positions_agree_with_mitsuba(name):
     cosine = -np.sum(eye.normal * ray, axis=0)[pixels] / np.linalg.norm(ray[:, pixels], axis=0)
     error = np.linalg.norm(eye.world - theirs, axis=0)[pixels]
     scale = np.abs(eye.world[:, pixels]).max(axis=0) + eye.depth[pixels]
-    assert np.all(error * cosine <= 1e-6 * scale)
+    # The renderer's float32 quadratics of curved shapes lose a digit more than its triangles.
+    flat = scene.geometry.flat[scene.geometry.stored(eye.prim[pixels], eye.shape[pixels])]
+    assert np.all(error * cosine <= np.where(flat, 1e-6, 1e-5) * scale)
 
 
 @pytest.mark.parametrize("name", ["paper_room", "terrain", "letter_f", "a6_sphere"])
@@ -159,8 +161,8 @@ def test_clip_planes():
         scene = load_scene({"type": "scene", "lamp": {"type": "point"}, **shapes,
                             "eye": pinhole(mi, size=(17, 17), fov=50.0, **clip)})  # fmt: skip
         eye = scene.eye(scene.view())
-        assert eye.valid.all() and set(eye.depth) == {eye.depth[0]}
-        return eye.shape[0], eye.depth[0]
+        assert eye.valid.all() and np.ptp(eye.depth) < 1e-14
+        return eye.shape[0], round(eye.depth[0], 14)
 
     assert nearest() == (0, 1.0)
     # Axial: at the corner of the image the sheet is 20 % further away along the ray.
