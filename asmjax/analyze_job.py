@@ -19,6 +19,8 @@ from asmjax.experiment.light_angles import (
     view_range,
 )
 from asmjax.experiment.settings_range import ADAPTIVE, families_of
+from asmjax.job_memory import Sight, analyze_stages
+from asmjax.memory import Stage
 from asmjax.options import AnalyzeOptions
 from asmjax.preparation import (
     ChosenMaps,
@@ -89,10 +91,13 @@ def analyse_scene(options: AnalyzeOptions, progress: Progress = lambda _: None) 
             f"the settings file '{options.settings}' is of {family}, which --methods leaves out; "
             "name it there, or leave out --settings.",
         )
-    subject = subject_of(options, progress)
-    if ADAPTIVE in families:
-        chosen.check(subject.frame.faces)
-    algorithms_of(families, chosen, subject.frame.faces)
+
+    def stages(sight: Sight, faces: int) -> list[Stage]:
+        if ADAPTIVE in families:
+            chosen.check(faces)
+        return analyze_stages(sight, [*algorithms_of(families, chosen, faces).values()], faces)
+
+    subject = subject_of(options, stages, progress)
     progress("truth")
     truth = subject.truth(options.repeats)
     progress("cost model")
@@ -123,6 +128,7 @@ def analyse_scene(options: AnalyzeOptions, progress: Progress = lambda _: None) 
         cost_model=chosen.adaptive.cost_model,
         analysed=analysed,
         sweep=_sweep(found, chosen, subject, options, left_out, progress),
+        memory=subject.memory,
     )
 
 

@@ -6,8 +6,11 @@ from dataclasses import replace
 from tqdm import tqdm
 
 from asmjax.experiment import RunResult, analysis_maps, measure
+from asmjax.job_memory import Sight, run_stages
+from asmjax.memory import Stage
 from asmjax.options import RunOptions
 from asmjax.preparation import (
+    ChosenMaps,
     Progress,
     StepBar,
     calibrated,
@@ -56,11 +59,15 @@ def measure_scene(options: RunOptions, progress: Progress = lambda _: None) -> R
         UseError: wrong options or a scene that cannot be used.
     """
     chosen = chosen_maps(options)
-    subject = subject_of(options, progress)
+
+    def stages(sight: Sight, faces: int) -> list[Stage]:
+        chosen.check(faces)
+        others = [] if chosen.other is None else [chosen.other]
+        return run_stages(sight, [_uniform(chosen, faces), chosen.adaptive, *others], faces)
+
+    subject = subject_of(options, stages, progress)
     eyes, frame, rays = subject.eyes, subject.frame, subject.rays
-    chosen.check(frame.faces)
-    adaptive = chosen.adaptive
-    uniform = UniformShadowMap(resolution_for(adaptive.memory_bytes, frame.faces))
+    adaptive, uniform = chosen.adaptive, _uniform(chosen, frame.faces)
     progress("truth")
     truth = subject.truth(options.repeats)
     progress("cost model")
@@ -92,4 +99,10 @@ def measure_scene(options: RunOptions, progress: Progress = lambda _: None) -> R
         methods=[*methods, truth],
         maps=maps,
         adaptive=adaptive,
+        memory=subject.memory,
     )
+
+
+def _uniform(chosen: ChosenMaps, faces: int) -> UniformShadowMap:
+    """The flat map of the adaptive one's memory."""
+    return UniformShadowMap(resolution_for(chosen.adaptive.memory_bytes, faces))

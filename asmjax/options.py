@@ -244,6 +244,17 @@ class MachineOptions:
     """Measure again what casting texels costs, though an earlier run with the same machine, scene,
     kind of light and variant has."""
 
+    max_memory_mb: Annotated[
+        float | None,
+        arg(
+            metavar="MB",
+            aliases=("--max-memory",),
+            help_behavior_hint="(default: what is loaded, and 80 % of what is free)",
+        ),
+    ] = None
+    """Main memory that the process may hold in all, in MB (2^20 bytes). What by an estimate would
+    need more is refused before anything large is made."""
+
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class FolderOptions:
@@ -382,6 +393,7 @@ class TuneOptions(
             bool(self.views) == bool(self.held_out),
             "--views says what is tuned on, --held-out what chooses; give both, or neither.",
         )
+        _check_machine(self)
         both = [name for name in self.views if name in self.held_out]
         require(
             not both,
@@ -439,6 +451,12 @@ def _check_limits(options: MapJobOptions) -> None:
 
 def _check_walk(options: RunOptions) -> None:
     if options.motion not in get_args(Motion):
+    _check_machine(options)
+
+
+def _check_machine(options: MachineOptions) -> None:
+    if options.max_memory_mb is not None:
+        _at_least(1, "--max-memory", options.max_memory_mb, "MB")
         raise unknown_name("--motion", options.motion, get_args(Motion))
     if options.frames is None:
         for option, given in (

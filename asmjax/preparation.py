@@ -3,7 +3,7 @@
 import math
 import os
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,8 @@ from asmjax.experiment import Measured, measure_rays
 from asmjax.experiment.bench import Bench
 from asmjax.experiment.ledger import Ledger
 from asmjax.geometry import LightFrame
+from asmjax.job_memory import Sight
+from asmjax.memory import Forecast, Stage, check, limit_of
 from asmjax.options import AnalyzeOptions, JobOptions, MapJobOptions, RunOptions
 from asmjax.render.caster import MitsubaRays
 from asmjax.render.load import Scene, load_scene
@@ -62,6 +64,7 @@ class Subject:
         frame: of the light, for the receivers that the pixel centres see.
         rays: of the light.
     """
+        memory: what all of the job will take.
 
     scene: Scene
     view: ViewSpec
@@ -70,26 +73,44 @@ class Subject:
     frame: LightFrame
     rays: MitsubaRays
 
+    memory: Forecast
     def truth(self, repeats: int) -> Measured:
         """The traced shadow rays of every sample."""
         traced = [self.scene.shadow_rays(eye, self.frame, self.rays) for eye in self.eyes]
         return measure_rays(traced, self.eyes, repeats)
 
 
-def subject_of(options: RunOptions | AnalyzeOptions, progress: Progress) -> Subject:
+def subject_of(
+    options: RunOptions | AnalyzeOptions,
+    stages: Callable[[Sight, int], Sequence[Stage]],
+    progress: Progress,
+) -> Subject:
     """What the options name, loaded and seen; two steps of progress.
 
     Raises:
-        UseError: no such scene, view or light, or nothing is seen or lit.
+    Args:
+        stages: of the job, for what it looks at and a number of the light's faces.
+
+        UseError: no such scene, view or light, nothing is seen or lit, or the stages take more
+            memory than may be taken.
     """
     progress("scene")
     scene = load_scene(options.scene, options.variant)
     view = chosen_view(scene, options)
     light = scene.light(options.light)
     progress("eye buffer")
+    sight, limit = sight_of(scene, view, options.samples), limit_of(options.max_memory_mb)
+    check(stages(sight, 1), limit)
     eyes = [scene.eye(view, offset) for offset in sample_offsets(options.samples, options.seed)]
     frame = scene.light_frame(eyes, options.light)
-    return Subject(scene, view, light, eyes, frame, scene.light_rays(options.light))
+    # Only now it is known how many faces of the light see what the eye sees.
+    memory = check(stages(sight, frame.faces), limit)
+    return Subject(scene, view, light, eyes, frame, scene.light_rays(options.light), memory)
+
+
+def sight_of(scene: Scene, view: ViewSpec, samples: int) -> Sight:
+    """A view with so many samples of each pixel, as estimates of memory take it."""
+    return Sight(view.width, view.height, samples, scene.variant.startswith("scalar"))
 
 
 def bench_of(scene: Scene, view: ViewSpec, options: JobOptions, samples: int) -> Bench:

@@ -11,6 +11,8 @@ from tqdm import tqdm
 from asmjax.errors import UseError, require
 from asmjax.experiment import timed
 from asmjax.experiment.walkthrough import FrameInput, FrameResult, Walkthrough
+from asmjax.job_memory import Sight, walk_stages
+from asmjax.memory import Stage, check, limit_of
 from asmjax.options import RunOptions
 from asmjax.preparation import (
     aimed,
@@ -20,6 +22,7 @@ from asmjax.preparation import (
     make_folder,
     results_folder,
     sample_offsets,
+    sight_of,
     sized,
 )
 from asmjax.render.load import Scene, load_scene
@@ -30,6 +33,7 @@ from asmjax.report.walk_table import walkthrough_table
 from asmjax.scene.motion import OBJECT_RADIUS, circle, moved_light
 from asmjax.scene.path import CameraPath, orbit_keys
 from asmjax.scene.spec import ViewSpec
+from asmjax.shadow import AdaptiveShadowMap, UniformShadowMap, resolution_for
 
 _log = logging.getLogger("asmjax")
 
@@ -124,9 +128,13 @@ class Walk:
         self._path, name = camera_path(scene, options)
         self._mover = MovingShapes(scene, options.object) if options.motion == "object" else None
         self._offsets = sample_offsets(options.samples, options.seed)
+        sight = sight_of(scene, self._path.view(0), options.samples)
+        limit = limit_of(options.max_memory_mb)
+        check(_stages(sight, chosen.adaptive, 1), limit)
         progress("cost model")
         first = next(self._inputs(1))
         chosen.check(first.kept.faces)
+        memory = check(_stages(sight, chosen.adaptive, first.kept.faces), limit)
         cost_model = calibrated(scene, self._light, first.rays, first.kept, options)
         adaptive = replace(chosen.adaptive, cost_model=cost_model)
         long = options.frames >= LONG_WALK
@@ -141,6 +149,7 @@ class Walk:
             adaptive=adaptive,
             cost_model=cost_model,
             seed=options.seed,
+            memory=memory,
         )
 
     def frames(self) -> Iterator[FrameResult]:
@@ -187,6 +196,12 @@ class Walk:
 
     def _eyes(self, scene: Scene, view: ViewSpec) -> list:
         return [scene.eye(view, offset) for offset in self._offsets]
+
+
+def _stages(sight: Sight, adaptive: AdaptiveShadowMap, faces: int) -> list[Stage]:
+    """Of a walkthrough with its three maps."""
+    uniform = UniformShadowMap(resolution_for(adaptive.memory_bytes, faces))
+    return walk_stages(sight, [uniform, uniform, adaptive], faces)
 
 
 def camera_path(scene: Scene, options: RunOptions) -> tuple[CameraPath, str]:

@@ -29,6 +29,7 @@ from asmjax.shadow import (
     AdaptiveShadowMap,
     CostModel,
     LogarithmicShadowMap,
+    MapMemory,
     ShadowAlgorithm,
     Status,
     UniformShadowMap,
@@ -112,6 +113,9 @@ class Varying(ShadowAlgorithm[Held]):
     def cost(self, state: Held):
         seconds = {"build": 2.0 * CLOCK.slowness(), "analysis": 0.0}
         return replace(state.algorithm.cost(state.state), seconds=seconds)
+
+    def memory(self, faces: int) -> MapMemory:
+        return UniformShadowMap(max(self.sizes)).memory(faces)
 
     def status(self, state: Held) -> Status:
         return Status.TIME_LIMIT

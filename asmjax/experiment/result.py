@@ -7,6 +7,7 @@ import numpy as np
 from asmjax.buffers import EyeBuffer, LightRays
 from asmjax.experiment.methods import Measured
 from asmjax.geometry import LightFrame
+from asmjax.memory import Forecast
 from asmjax.scene.spec import LightSpec, ViewSpec
 from asmjax.shadow import AdaptiveShadowMap, CostModel
 
@@ -24,6 +25,7 @@ class RunResult:
         methods: in the order of the table.
         maps: of the uniform map, (n,) each; see `analysis_maps`.
         adaptive: the algorithm whose state the tree is drawn from.
+        memory: what it was estimated to take; None where nobody asked.
     """
 
     scene: str
@@ -39,3 +41,4 @@ class RunResult:
     methods: list[Measured]
     maps: dict[str, np.ndarray]
     adaptive: AdaptiveShadowMap
+    memory: Forecast | None = None

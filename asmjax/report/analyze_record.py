@@ -14,6 +14,7 @@ from asmjax.experiment.aliasing import AliasingMaps, AliasingNumbers
 from asmjax.experiment.displacement import Displacement
 from asmjax.experiment.light_angles import AngleError, ViewRange
 from asmjax.geometry import LightFrame
+from asmjax.memory import Forecast
 from asmjax.report.measured import cost_model_record, light_text, method_records, truth_record
 from asmjax.report.provenance import provenance
 from asmjax.report.record import report_of_entries
@@ -69,6 +70,7 @@ class AnalysisResult:
         adaptive: its settings, whether or not it is among `analysed`.
         cost_model: None where nothing needed one.
         sweep: None where no direction was asked for.
+        memory: what it was estimated to take; None where nobody asked.
     """
 
     scene: str
@@ -84,6 +86,7 @@ class AnalysisResult:
     cost_model: CostModel | None
     analysed: list[Analysed]
     sweep: LightSweep | None
+    memory: Forecast | None = None
 
     @property
     def title(self) -> str:
@@ -109,6 +112,7 @@ def report_of_analysis(result: AnalysisResult, seed: int) -> dict:
         argv=["asmjax", *sys.argv[1:]],
         provenance=provenance(result.variant, jax.devices()[0].device_kind),
         seed=seed,
+        memory=result.memory,
         scene=result.scene,
         view=result.view.name,
         light=light_text(result.light, result.frame),

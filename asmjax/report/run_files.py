@@ -61,6 +61,7 @@ def report_of(result: RunResult, seed: int) -> dict:
         maps={name: map_summary(values, has_ratio) for name, values in result.maps.items()},
         methods=methods,
         notices=notices,
+        memory=result.memory,
     )
 
 

@@ -33,6 +33,17 @@ HEAD = {
         },
         "the machine",
     ),
+    "memory": Key(
+        {
+            "estimate_bytes": Key("count", "what the job was estimated to add at its peak, bytes"),
+            "held_bytes": Key("count", "what the process held before: programs and scene, bytes"),
+            "limit_bytes": Key(
+                "count", "of both together, see --max-memory, bytes; null for none", nullable=True
+            ),
+        },
+        "main memory, as estimated before anything large was made",
+        False,
+    ),
     "seed": Key("integer", "the seed of everything random"),
     "scene": Key("text", "built-in name, or name of the file without .xml"),
     "view": Key("text", "name of the view or sensor"),

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import jax
 
 from asmjax.experiment.walkthrough import FrameResult
+from asmjax.memory import Forecast
 from asmjax.report.measured import (
     cost_model_record,
     light_text,
@@ -34,6 +35,7 @@ class WalkSetting:
         motion: what moves.
         frames: how many frames were asked for.
         adaptive: the adaptive map, calibrated with `cost_model`.
+        memory: what it was estimated to take; None where nobody asked.
     """
 
     scene: str
@@ -45,6 +47,7 @@ class WalkSetting:
     adaptive: AdaptiveShadowMap
     cost_model: CostModel
     seed: int
+    memory: Forecast | None = None
 
 
 class WalkRecord:
@@ -106,6 +109,7 @@ class WalkRecord:
             argv=["asmjax", *sys.argv[1:]],
             provenance=provenance(setting.variant, jax.devices()[0].device_kind),
             seed=setting.seed,
+            memory=setting.memory,
             scene=setting.scene,
             view=setting.view,
             light=self._light,

@@ -1,7 +1,7 @@
 """Shadow algorithms: siblings behind one protocol, `ShadowAlgorithm`."""
 
 from asmjax.shadow.adaptive import PRESETS, AdaptiveShadowMap, CostModel, calibrate, preset
-from asmjax.shadow.base import Cost, NodeCounts, ShadowAlgorithm, Status
+from asmjax.shadow.base import Cost, MapMemory, NodeCounts, ShadowAlgorithm, Status
 from asmjax.shadow.registry import ALGORITHMS
 from asmjax.shadow.settings import (
     algorithm_of,
@@ -27,6 +27,7 @@ __all__ = [
     "AdaptiveShadowMap",
     "Cost",
     "CostModel",
+    "MapMemory",
     "NodeCounts",
     "ShadowAlgorithm",
     "Status",

@@ -4,7 +4,7 @@ import abc
 import enum
 from collections.abc import Hashable
 from dataclasses import dataclass, field
-from typing import Generic, TypeVar
+from typing import Generic, NamedTuple, TypeVar
 
 import equinox as eqx
 import jax
@@ -14,6 +14,7 @@ from jaxtyping import Array, Float, Float64
 
 from asmjax.buffers import EyeBuffer, LightRays, SurfacePoints
 from asmjax.geometry import LightFrame
+from asmjax.memory import Memory
 
 State = TypeVar("State")
 
@@ -88,6 +89,20 @@ class Cost:
 
 
 class ShadowAlgorithm(eqx.Module, Generic[State]):
+class MapMemory(NamedTuple):
+    """Main memory that a map takes at the most.
+
+    Attributes:
+        state: all arrays that it keeps.
+        build: what there is while they are made, `state` among it.
+        pixel: of a pixel of the view, besides `build`, while the map is made.
+    """
+
+    state: Memory
+    build: Memory
+    pixel: Memory = Memory()
+
+
     """A shadow algorithm: frozen settings. Subclasses are final and hold all their fields.
 
     `build` and `update` run on the host, may look at values, and choose shapes; `visibility` is
@@ -163,6 +178,10 @@ class ShadowAlgorithm(eqx.Module, Generic[State]):
     @abc.abstractmethod
     def effective_resolution(self, state: State) -> int:
         """Texels per side of the flat map that would have the state's finest texels throughout."""
+
+    @abc.abstractmethod
+    def memory(self, faces: int) -> MapMemory:
+        """What a map for a light of so many faces will take, before anything is made."""
 
 
 def isotropic(texels: Float[Array, " n"]) -> Float[Array, "2 2 n"]:

@@ -23,7 +23,15 @@ from asmjax.buffers import (
 from asmjax.errors import require
 from asmjax.footprint import straddles_discontinuity
 from asmjax.geometry import LightFrame
-from asmjax.shadow.base import Cost, ShadowAlgorithm, Status, array_bytes, isotropic
+from asmjax.memory import Memory
+from asmjax.shadow.base import (
+    Cost,
+    MapMemory,
+    ShadowAlgorithm,
+    Status,
+    array_bytes,
+    isotropic,
+)
 from asmjax.shadow.comparison import (
     BIAS,
     Compare,
@@ -35,6 +43,10 @@ from asmjax.shadow.comparison import (
 
 LARGEST = 2**15
 """Texels a side of the largest flat map."""
+
+ONE_LAUNCH = 2**24
+"""Texels that the renderer casts at once (`asmjax.render.caster.LANES`); what is cast in parts is
+copied together and onto the device."""
 
 
 class UniformState(eqx.Module):
@@ -135,6 +147,13 @@ class UniformShadowMap(ShadowAlgorithm[UniformState]):
             passes=1,
             seconds={"build": state.seconds, "analysis": 0.0},
         )
+
+    def memory(self, faces: int) -> MapMemory:
+        texels, kept = faces * self.resolution**2, texel_bytes(self.compare)
+        if texels <= ONE_LAUNCH:
+            # Depth and primitive as the renderer gives them are the device's arrays.
+            return MapMemory(texels * Memory(renderer=kept), texels * Memory(renderer=8))
+        return MapMemory(texels * Memory(device=kept), texels * Memory(8, 8, 8))
 
     def status(self, state: UniformState) -> Status:
         return Status.COMPLETE

@@ -17,6 +17,7 @@ from jaxtyping import Array, Float
 from asmjax.buffers import EyeBuffer, LightRays, SurfacePoints, anchor, light_offset, project
 from asmjax.errors import require
 from asmjax.geometry import LightFrame
+from asmjax.memory import Memory
 from asmjax.shadow.adaptive.address import address_of
 from asmjax.shadow.adaptive.attention import compile_attention
 from asmjax.shadow.adaptive.cost_model import CostModel, calibrate
@@ -30,13 +31,20 @@ from asmjax.shadow.adaptive.state import AdaptiveState, BuildLog, HostSide
 from asmjax.shadow.adaptive.tree import FIRST_BYTES, Tree, empty_tree, lookup
 from asmjax.shadow.base import (
     Cost,
+    MapMemory,
     NodeCounts,
     ShadowAlgorithm,
     Status,
     array_bytes,
     isotropic,
 )
-from asmjax.shadow.comparison import BIAS, Compare, check_test
+from asmjax.shadow.comparison import BIAS, Compare, check_test, texel_bytes
+
+LARGEST_PASS = 0.5
+"""Part of the memory limit that one pass may cast; see the stages of `Refiner`."""
+
+LOOK = Memory(host=40, device=140)
+"""Of a pixel that is looked at: receivers, addresses, ratios and what was found."""
 
 
 class NodeSquares(NamedTuple):
@@ -274,6 +282,13 @@ class AdaptiveShadowMap(ShadowAlgorithm[AdaptiveState]):
             nodes=NodeCounts(held, log.made, log.evicted, log.recast, log.dropped, log.reused),
             updates=log.frame,
         )
+
+    def memory(self, faces: int) -> MapMemory:
+        """As of a map that fills its limit, of whatever number of faces."""
+        limit, texel = self.memory_bytes, texel_bytes(self.compare)
+        cast = limit * LARGEST_PASS / texel * Memory(renderer=8)
+        # The arrays that it grew out of are there beside it.
+        return MapMemory(Memory(device=limit), Memory(device=2 * limit) + cast, LOOK)
 
     def status(self, state: AdaptiveState) -> Status:
         return state.log.status

@@ -27,9 +27,16 @@ from asmjax.buffers import (
 )
 from asmjax.errors import require
 from asmjax.geometry import Chart, Charts, LightFrame, laid_out, padded
+from asmjax.memory import Memory
 from asmjax.numerics import dot
-from asmjax.shadow.base import Cost, ShadowAlgorithm, Status, array_bytes
-from asmjax.shadow.comparison import Compare, check_test, lit_by_texel, stored
+from asmjax.shadow.base import (
+    Cost,
+    MapMemory,
+    ShadowAlgorithm,
+    Status,
+    array_bytes,
+)
+from asmjax.shadow.comparison import Compare, check_test, lit_by_texel, stored, texel_bytes
 from asmjax.shadow.warped.table import ChartTable, chart_of, place_in, table_of
 
 GRID = 17
@@ -160,6 +167,13 @@ class ChartedShadowMap(ShadowAlgorithm[ChartedState]):
             passes=1,
             seconds={"build": state.build, "analysis": state.analysis},
         )
+
+    def memory(self, faces: int) -> MapMemory:
+        """Depth and primitive of each texel are there three times: as the renderer gives them, put
+        together, and on the device."""
+        texels = faces * self.resolution**2
+        state = texels * Memory(device=texel_bytes(self.compare))
+        return MapMemory(state, texels * Memory(8, 8, 8))
 
     def status(self, state: ChartedState) -> Status:
         return Status.COMPLETE
