@@ -40,13 +40,50 @@ def child_runs(monkeypatch):
     return runs
 
 
-def installed(major: int) -> str:
-    """A real library of this version, or a skip that says so."""
-    found = sorted(glob.glob(f"/usr/lib/*-linux-gnu/libLLVM*{major}*.so*"))
-    found += sorted(glob.glob(f"/usr/lib/*-linux-gnu/libLLVM.so.{major}.*"))
-    if not found:
+SAID = {
+    14: "import sys; sys.exit('LLVM: the version 14.0.6 is too old')",
+    15: "import os; os.write(2, b'LLVM ERROR: Cannot select: f32 = fminimum'); os.abort()",
+    16: "import os; os.write(2, b'LLVM ERROR: Cannot select: f32 = fminimum'); os.abort()",
+}
+"""Children that end as those do that meet the versions which do not work on an x86 processor."""
+
+
+def found(major: int) -> str | None:
+    """A real library of this version, if there is one."""
+    names = sorted(glob.glob(f"/usr/lib/*-linux-gnu/libLLVM-{major}*.so.*"))
+    names += sorted(glob.glob(f"/usr/lib/*-linux-gnu/libLLVM.so.{major}.*"))
+    return names[0] if names else None
+
+
+def skip_unless_installed(major: int) -> None:
+    """Skip where there is no real library of this version, and say so."""
+    if found(major) is None:
         pytest.skip(f"libllvm{major} is not installed")
-    return found[0]
+
+
+@pytest.fixture
+def machine_with(monkeypatch, tmp_path, nothing_loaded):
+    """Makes this a machine whose only LLVM is on the loader's path: None, a real one of a version
+    that is installed, or a stand-in whose child process ends as a real one's does."""
+    folder, system = tmp_path / "lib", tmp_path / "system"
+    folder.mkdir()
+    system.mkdir()
+
+    def prepare(major: int | None, stand_in: bool = False) -> None:
+        monkeypatch.setattr(llvm, "_system_folders", lambda: [system])
+        monkeypatch.setenv("LD_LIBRARY_PATH", str(folder))
+        if major is None:
+            # Dr.Jit's own search cannot be redirected, so the child is stood in for.
+            monkeypatch.setattr(llvm, "_CHILD", "import sys; sys.exit('LLVM backend is inactive')")
+            return
+        library = found(major)
+        if stand_in or library is None:
+            library = tmp_path / f"libLLVM-{major}.so.1"
+            library.write_text("")
+            monkeypatch.setattr(llvm, "_CHILD", SAID[major])
+        (folder / "libLLVM.so").symlink_to(library)
+
+    return prepare
 
 
 def test_garbage_file_is_unusable(monkeypatch, tmp_path, nothing_loaded):
@@ -66,30 +103,48 @@ def test_missing_file_is_unusable(monkeypatch, tmp_path, nothing_loaded):
     assert not verdict.usable and "cannot be loaded" in verdict.reason
 
 
-def test_no_library_at_all(monkeypatch, tmp_path, nothing_loaded):
-    # Dr.Jit's own search cannot be redirected, so the child is stood in for.
-    monkeypatch.setattr(llvm, "_system_folders", lambda: [tmp_path])
-    monkeypatch.setenv("LD_LIBRARY_PATH", "")
-    monkeypatch.setattr(llvm, "_CHILD", "import sys; sys.exit('LLVM backend is inactive')")
+def test_no_library_at_all(machine_with):
+    machine_with(None)
     verdict = llvm.probe()
     assert verdict == llvm.Verdict(False, None, None, "no LLVM library found")
     assert verdict.remedy == "apt-get install -y libllvm19"
 
 
+@pytest.mark.parametrize("stand_in", [False, True])
 @pytest.mark.parametrize(
     ("major", "reason"), [(14, "too old"), (15, "aborts the process"), (16, "aborts the process")]
 )
-def test_old_versions_are_unusable(monkeypatch, nothing_loaded, major, reason):
-    monkeypatch.setenv("DRJIT_LIBLLVM_PATH", installed(major))
+def test_old_versions_are_unusable(machine_with, tmp_path, child_runs, major, reason, stand_in):
+    """Rationale: an abort of these would take the caller's process with it, and an installed
+    library stays unseen behind one on the loader's path."""
+    if not stand_in:
+        skip_unless_installed(major)
+    machine_with(major, stand_in)
     verdict = llvm.probe()
     if verdict.usable and major > 14:
         pytest.skip(f"this processor's back end in LLVM {major} can select fminimum")
     assert not verdict.usable and reason in verdict.reason
     assert verdict.version is not None and verdict.version.startswith(str(major))
+    assert verdict.remedy == (
+        "apt-get install -y libllvm19 && export "
+        f"DRJIT_LIBLLVM_PATH={tmp_path}/system/libLLVM.so.19.1"
+    )
+    assert llvm.probe() == verdict and len(child_runs) == 1
 
 
-def test_version_19_is_usable(monkeypatch, nothing_loaded):
-    monkeypatch.setenv("DRJIT_LIBLLVM_PATH", installed(19))
+def test_a_version_of_the_system_is_repaired_by_a_newer_one(monkeypatch, tmp_path, machine_with):
+    """The system's newest is taken, so nothing else is to do than to install it."""
+    machine_with(None)
+    (tmp_path / "system" / "libLLVM-15.so.1").write_text("")
+    monkeypatch.setattr(llvm, "_CHILD", SAID[15])
+    verdict = llvm.probe()
+    assert "aborts the process" in verdict.reason and verdict.version == "15"
+    assert verdict.remedy == "apt-get install -y libllvm19"
+
+
+def test_version_19_is_usable(machine_with):
+    skip_unless_installed(19)
+    machine_with(19)
     start = time.perf_counter()
     verdict = llvm.probe()
     assert time.perf_counter() - start < 20  # about 1 s when the machine is idle

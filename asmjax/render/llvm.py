@@ -26,6 +26,15 @@ from asmjax import paths
 PROBE_SECONDS = 60.0
 """Time limit of the child process; it needs about 1 s, more on a loaded machine."""
 
+INSTALL = "apt-get install -y libllvm19"
+"""Installs a library that works."""
+
+INSTALLED = "libLLVM.so.19.1"
+"""Its name in the system's folder."""
+
+PLAIN = "libLLVM.so"
+"""The name that Dr.Jit asks the loader for first."""
+
 # Runs in the child. The minimum is what LLVM 15 cannot compile on x86; the render is what the
 # user will ask for next. A scratch kernel cache keeps kernels of another LLVM out of it.
 _CHILD = """
@@ -71,9 +80,13 @@ class Verdict:
         """The one command that repairs it, empty when usable."""
         if self.usable:
             return ""
-        # An override is final for Dr.Jit: it must go, or an installed library stays unseen.
-        override = "unset DRJIT_LIBLLVM_PATH; " if os.environ.get("DRJIT_LIBLLVM_PATH") else ""
-        return f"{override}apt-get install -y libllvm19"
+        if os.environ.get("DRJIT_LIBLLVM_PATH"):
+            # An override is final for Dr.Jit: it must go, or an installed library stays unseen.
+            return f"unset DRJIT_LIBLLVM_PATH; {INSTALL}"
+        if self.path is not None and _from_loader(Path(self.path)):
+            # A library on the loader's path goes before any that is installed.
+            return f"{INSTALL} && export DRJIT_LIBLLVM_PATH={_system_folders()[0]}/{INSTALLED}"
+        return INSTALL
 
 
 def find_library() -> Path | None:
@@ -87,9 +100,8 @@ def find_library() -> Path | None:
         return loaded
     if named := os.environ.get("DRJIT_LIBLLVM_PATH"):
         return Path(named)
-    folders = [*_loader_folders(), *_system_folders()]
-    for folder in folders:
-        if (plain := folder / "libLLVM.so").exists():
+    for folder in (*_loader_folders(), *_system_folders()):
+        if (plain := folder / PLAIN).exists():
             return plain.resolve()
     for folder in _system_folders():
         found = sorted(glob.glob(str(folder / "libLLVM*.so.*")))
@@ -127,6 +139,12 @@ def _loaded_library() -> Path | None:
 
 def _loader_folders() -> list[Path]:
     return [Path(part) for part in os.environ.get("LD_LIBRARY_PATH", "").split(":") if part]
+
+
+def _from_loader(library: Path) -> bool:
+    """Whether it is the one that the loader's path leads to."""
+    plain = next((p for f in _loader_folders() if (p := f / PLAIN).exists()), None)
+    return plain is not None and plain.resolve() == library
 
 
 def _system_folders() -> list[Path]:
