@@ -6,14 +6,14 @@ import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from itertools import groupby
-from typing import Any
+from typing import Any, NamedTuple
 
 from tqdm import tqdm
 
 from asmjax.errors import UseError, require, unknown_name
 from asmjax.experiment.bench import Bench
-from asmjax.experiment.comparison import Compared, pooled
-from asmjax.experiment.ledger import Ledger
+from asmjax.experiment.comparison import Compared, common_yardstick, pooled
+from asmjax.experiment.ledger import Ledger, LedgerError
 from asmjax.experiment.settings_range import (
     ADAPTIVE,
     LAST,
@@ -22,6 +22,8 @@ from asmjax.experiment.settings_range import (
     families_of,
 )
 from asmjax.experiment.trial import Trial
+from asmjax.job_memory import Sight, trial_stages
+from asmjax.memory import Stage, check, limit_of
 from asmjax.options import CompareOptions
 from asmjax.preparation import (
     ChosenMaps,
@@ -33,6 +35,7 @@ from asmjax.preparation import (
     kept_measurements,
     make_folder,
     results_folder,
+    sight_of,
     sized,
 )
 from asmjax.render.load import Scene, load_scene
@@ -58,7 +61,8 @@ def run_comparison(options: CompareOptions) -> ComparisonResult:
     Every finished measurement is kept in the folder, and taken from there by the same command.
 
     Raises:
-        UseError: wrong options or a scene that cannot be used; nothing is written then.
+        UseError: wrong options or a scene that cannot be used, before anything is written; or
+            measurements that cannot be kept.
         KeyboardInterrupt: with a message that says where the finished trials are.
     """
     folder = results_folder(options)
@@ -126,6 +130,22 @@ class _Batch:
     items: tuple[Candidate, ...]
 
 
+class _Extents(NamedTuple):
+    """Of each view: length of its shadow edges in pixels, and its valid pixels."""
+
+    edges: list[float]
+    pixels: list[int]
+
+
+class _Found(NamedTuple):
+    """A setting as tried, on all views together and on each."""
+
+    label: str
+    trial: Trial
+    views: tuple[Trial, ...]
+    algorithm: ShadowAlgorithm | None
+
+
 class Comparing:
     """A scene, its views and all settings that are to be tried on them, ready to be measured.
 
@@ -149,29 +169,40 @@ class Comparing:
                 f"the settings file '{options.settings}' is of {family}, which --methods leaves "
                 "out; name it there, or leave out --settings.",
             )
-        self.scene = load_scene(options.scene, options.variant)
+        self.scene = load_scene(options.scene, options.variant, trust=options.trust_scene)
         self.views = _views(self.scene, options)
         self._samples = list(dict.fromkeys(options.samples))
-        self._benches = {
-            samples: [bench_of(self.scene, view, options, samples) for view in self.views]
-            for samples in sorted({*YARDSTICKS, *self._samples})
-        }
-        for bench in self._benches[self._samples[0]]:
+        limit = limit_of(options.max_memory_mb)
+        # Of the yardsticks' benches, which are not kept, one at a time.
+        counts = [*self._samples, *sorted({*YARDSTICKS} - {*self._samples})[-1:]]
+        sights = [sight_of(self.scene, view, count) for view in self.views for count in counts]
+        check(_stages(sights, families, chosen, 1), limit)
+        self._kept: dict[int, list[Bench]] = {}
+        self._extents: dict[int, _Extents] = {}
+        first, *_ = benches = self._benches(self._samples[0])
+        for bench in benches:
             check_edges(bench, self.scene)
-        first = self._first
-        faces = max(bench.frame.faces for bench in self._benches[self._samples[0]])
+        faces = max(bench.frame.faces for bench in benches)
+        self._forecast = check(_stages(sights, families, chosen, faces), limit)
         self._model: CostModel | None = None
         if ADAPTIVE in families:
-            chosen.check(faces)
             light = self.scene.light(options.light)
             self._model = calibrated(self.scene, light, first.rays, first.frame, options)
             chosen = replace(chosen, adaptive=replace(chosen.adaptive, cost_model=self._model))
         self._memory = chosen.adaptive.memory_bytes
         self._candidates, self._left_out = _possible(families, chosen, faces)
 
-    @property
-    def _first(self) -> Bench:
-        return self._benches[self._samples[0]][0]
+    def _benches(self, samples: int) -> list[Bench]:
+        """Of all views, made when they are first wanted. Those of a yardstick alone are not kept:
+        16 samples a pixel are 16 eye buffers a view."""
+        if samples in self._kept:
+            return self._kept[samples]
+        found = [bench_of(self.scene, view, self._options, samples) for view in self.views]
+        edges = [bench.edge_length for bench in found]
+        self._extents[samples] = _Extents(edges, [int(b.eyes[0].valid.sum()) for b in found])
+        if samples in self._samples:
+            self._kept[samples] = found
+        return found
 
     def measured(self, ledger: Ledger, bar: tqdm) -> ComparisonResult:
         """Try all settings until time or patience ends; `ended` says which.
@@ -182,13 +213,15 @@ class Comparing:
         batches = list(_batches(self._candidates, self._samples))
         asked = sum(len(batch.items) for batch in batches)
         bar.reset(total=asked)
-        trials: list[Compared] = []
-        yardsticks: list[Compared] = []
+        trials: list[_Found] = []
+        yardsticks: list[_Found] = []
+        done = 0
         left_out, hopeless = list(self._left_out), set()
         ended = "complete"
         try:
             bar.set_description("rays")
-            yardsticks += [self._rays(samples, ledger) for samples in self._benches]
+            counts = sorted({*YARDSTICKS, *self._samples})
+            yardsticks += [self._rays(samples, ledger) for samples in counts]
             for batch in batches:
                 if self._is_late():
                     ended = "time limit"
@@ -203,6 +236,7 @@ class Comparing:
                         hopeless.add(item.family)
                     name = item.family if item.rank == 0 else f"{item.family} {item.label}"
                     left_out.append(f"{name} is left out: {problem}")
+                done += len(batch.items)
                 bar.update(len(batch.items))
         except KeyboardInterrupt:
             ended = "interrupted"
@@ -214,7 +248,7 @@ class Comparing:
             len(trials) > 0 or ended != "time limit",
             f"--minutes {self._options.minutes} ended before the first trial; give more.",
         )
-        missing = asked - len(trials)
+        missing = asked - done
         if ended != "complete":
             left_out.append(
                 f"{ended}: {missing} of {asked} trials are missing; the same command goes on there"
@@ -223,44 +257,47 @@ class Comparing:
         return ComparisonResult(
             scene=self.scene.name,
             variant=self.scene.variant,
-            light=light_text(light, self._first.frame),
+            light=light_text(light, self._benches(self._samples[0])[0].frame),
             lit_by=f"light {light.name} ({light.kind})",
             notices=[*self.scene.notices, *dict.fromkeys(left_out)],
             views=[self._seen(i) for i in range(len(self.views))],
             samples=self._samples,
-            trials=trials,
-            yardsticks=yardsticks,
+            trials=self._compared(trials, [*trials, *yardsticks]),
+            yardsticks=self._compared(yardsticks, [*trials, *yardsticks]),
             memory_bytes=self._memory,
             cost_model=self._model,
             ended=ended,
             asked=asked,
             made=ledger.added,
             reused=ledger.taken,
+            memory=self._forecast,
         )
 
     def _is_late(self) -> bool:
         minutes = self._options.minutes
         return minutes is not None and time.monotonic() - self._start > 60 * minutes
 
-    def _rays(self, samples: int, ledger: Ledger) -> Compared:
+    def _rays(self, samples: int, ledger: Ledger) -> _Found:
         repeats = self._options.repeats
-        trials = [bench.shadow_rays(repeats, ledger) for bench in self._benches[samples]]
-        return self._compared("per pixel", trials)
+        trials = [bench.shadow_rays(repeats, ledger) for bench in self._benches(samples)]
+        return self._found("per pixel", trials, None)
 
     def _tried(
         self, batch: _Batch, ledger: Ledger
-    ) -> tuple[list[Compared], list[tuple[Candidate, str]]]:
+    ) -> tuple[list[_Found], list[tuple[Candidate, str]]]:
         """The trials of a batch on all views, and what cannot be used on one of them."""
         algorithms = [item.algorithm for item in batch.items if item.algorithm is not None]
         try:
             found = self._on_views(batch.samples, algorithms, ledger)
+        except LedgerError:
+            raise
         except UseError as problem:
             if len(batch.items) == 1:
                 return [], [(batch.items[0], str(problem))]
             alone = [self._tried(_Batch(batch.samples, (item,)), ledger) for item in batch.items]
             return [x for some, _ in alone for x in some], [x for _, some in alone for x in some]
         return [
-            self._compared(item.label, trials)
+            self._found(item.label, trials, item.algorithm)
             for item, trials in zip(batch.items, found, strict=True)
         ], []
 
@@ -270,24 +307,36 @@ class Comparing:
         """For each algorithm its trials on all views."""
         by_view = [
             bench.try_all(algorithms, self._options.repeats, ledger, predicted=True)
-            for bench in self._benches[samples]
+            for bench in self._benches(samples)
         ]
         return list(zip(*by_view, strict=True))
 
-    def _compared(self, label: str, trials: Sequence[Trial]) -> Compared:
-        benches = self._benches[trials[0].samples]
-        edges = [bench.edge_length for bench in benches]
-        pixels = [int(bench.eyes[0].valid.sum()) for bench in benches]
-        return Compared(label, pooled(trials, edges, pixels), list(trials))
+    def _found(
+        self, label: str, trials: Sequence[Trial], algorithm: ShadowAlgorithm | None
+    ) -> _Found:
+        whole = pooled(trials, *self._extents[trials[0].samples])
+        return _Found(label, whole, tuple(trials), algorithm)
+
+    @staticmethod
+    def _compared(found: Sequence[_Found], all_found: Sequence[_Found]) -> list[Compared]:
+        """What was found, all with as many samples on one yardstick."""
+        counts = {one.trial.samples for one in all_found}
+        yardsticks = {
+            count: common_yardstick([one.trial for one in all_found if one.trial.samples == count])
+            for count in counts
+        }
+        return [
+            Compared(one.label, one.trial, one.views, yardsticks[one.trial.samples], one.algorithm)
+            for one in found
+        ]
 
     def _seen(self, index: int) -> SeenView:
-        benches = {samples: benches[index] for samples, benches in self._benches.items()}
-        eye = self._benches[self._samples[0]][index].eyes[0]
+        eye = self._benches(self._samples[0])[index].eyes[0]
         return SeenView(
             name=self.views[index].name,
             size=(eye.camera.width, eye.camera.height),
             valid_pixels=int(eye.valid.sum()),
-            edges={samples: bench.edge_length for samples, bench in benches.items()},
+            edges={count: self._extents[count].edges[index] for count in sorted(self._extents)},
         )
 
 
@@ -312,6 +361,16 @@ def _possible(
     possible = [item for item in found if item.algorithm is not None]
     require(len(possible) > 0, f"no algorithm can be used here: {'; '.join(left_out)}")
     return possible, left_out
+
+
+def _stages(
+    sights: Sequence[Sight], families: Sequence[str], chosen: ChosenMaps, faces: int
+) -> list[Stage]:
+    """Of a comparison of all that can be tried."""
+    if ADAPTIVE in families:
+        chosen.check(faces)
+    found = [item.algorithm for item in _possible(families, chosen, faces)[0]]
+    return trial_stages(sights, [item for item in found if item is not None], faces)
 
 
 def _batches(found: Sequence[Candidate], samples: Sequence[int]) -> Iterator[_Batch]:

@@ -3,6 +3,7 @@
 import contextlib
 import logging
 import time
+from collections.abc import Sequence
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,8 @@ from tqdm import tqdm
 from asmjax.errors import UseError, require, unknown_name
 from asmjax.experiment.bench import Bench
 from asmjax.experiment.ledger import Ledger
+from asmjax.job_memory import trial_stages
+from asmjax.memory import check, limit_of
 from asmjax.options import PRICE, TuneOptions
 from asmjax.preparation import (
     ChosenMaps,
@@ -25,6 +28,7 @@ from asmjax.preparation import (
     kept_measurements,
     make_folder,
     results_folder,
+    sight_of,
     sized,
 )
 from asmjax.render.load import Scene, load_scene
@@ -33,12 +37,12 @@ from asmjax.report.measured import light_text
 from asmjax.report.tune_files import SETTINGS, write_tuning
 from asmjax.report.tune_result import TuningResult
 from asmjax.report.tune_table import tuning_text
-from asmjax.scene.path import ORBIT_DEG, orbit_keys
+from asmjax.scene.path import turned
 from asmjax.scene.spec import ViewSpec
 from asmjax.shadow import AdaptiveShadowMap, preset, read_settings
 from asmjax.tuning.goal import Goal
 from asmjax.tuning.result import Outcome
-from asmjax.tuning.tuner import STEPS, Tuner
+from asmjax.tuning.tuner import Tuner, steps_of
 
 _log = logging.getLogger("asmjax")
 
@@ -61,15 +65,10 @@ def run_tuning(options: TuneOptions) -> TuningResult:
         KeyboardInterrupt: with a message that says where the measurements are.
     """
     folder = results_folder(options)
-    bar = tqdm(total=OWN_STEPS + STEPS, disable=options.quiet or None, leave=False, unit="step")
-    with bar:
-        progress = StepBar(bar)
-        tuning = Tuning(options, progress)
-        make_folder(folder)
-        result = _kept(tuning, kept_measurements(folder, options.fresh), folder, progress)
-        progress("figures")
-        write_tuning(result, folder, seed=options.seed)
-    for notice in result.notices[len(tuning.scene.notices) :]:
+    with _bar(options, options.quiet or None) as bar:
+        result = _written(options, folder, StepBar(bar))
+    given = len(result.notices) - result.told
+    for notice in result.notices[given:]:
         _log.warning("%s", notice)
     if not options.quiet:
         print(tuning_text(result))
@@ -78,6 +77,7 @@ def run_tuning(options: TuneOptions) -> TuningResult:
             f"measurements: {result.made} made, {result.found.reused} taken from an earlier run"
         )
         print(f"report, figures and {SETTINGS}: {folder}/")
+    _raise_if_interrupted(result, folder)
     return result
 
 
@@ -90,24 +90,43 @@ def tune(scene: str = "paper_room", *, quiet: bool = True, **options: Any) -> Tu
 
     Raises:
         UseError: as `run_tuning`, or an unknown option.
-        KeyboardInterrupt: what was measured is lost without `out`.
+        KeyboardInterrupt: after the best so far was written; without `out` it is lost.
     """
     known = [field.name for field in fields(TuneOptions)]
     for name in options:
         if name not in known:
             raise unknown_name("option", name, known)
     chosen = TuneOptions(scene=scene, quiet=quiet, **options)
-    with tqdm(total=OWN_STEPS + STEPS, disable=quiet, leave=False, unit="step") as bar:
-        progress = StepBar(bar)
-        if chosen.out is None:
-            return Tuning(chosen, progress).result(Ledger(), progress)
-        folder = results_folder(chosen)
-        tuning = Tuning(chosen, progress)
-        make_folder(folder)
-        result = _kept(tuning, kept_measurements(folder, chosen.fresh), folder, progress)
-        progress("figures")
-        write_tuning(result, folder, seed=chosen.seed)
+    folder = None if chosen.out is None else results_folder(chosen)
+    with _bar(chosen, quiet) as bar:
+        result = _written(chosen, folder, StepBar(bar))
+    _raise_if_interrupted(result, folder)
     return result
+
+
+def _bar(options: TuneOptions, disable: bool | None) -> tqdm:
+    held_out = len(options.held_out) or len(HELD_OUT_AT)
+    steps = OWN_STEPS + steps_of(options.evaluations, held_out)
+    return tqdm(total=steps, disable=disable, leave=False, unit="step")
+
+
+def _written(options: TuneOptions, folder: Path | None, progress: Progress) -> TuningResult:
+    """What tuning gives, written to a folder if there is one."""
+    tuning = Tuning(options, progress)
+    if folder is None:
+        return tuning.result(Ledger(), progress)
+    make_folder(folder)
+    result = _kept(tuning, kept_measurements(folder, options.fresh), folder, progress)
+    progress("figures")
+    write_tuning(result, folder, seed=options.seed)
+    return result
+
+
+def _raise_if_interrupted(result: TuningResult, folder: Path | None) -> None:
+    if result.outcome is Outcome.INTERRUPTED:
+        raise KeyboardInterrupt(
+            "" if folder is None else f"the best settings so far are in {folder}/; {GO_ON}"
+        )
 
 
 def _kept(tuning: "Tuning", ledger: Ledger, folder: Path, progress: Progress) -> TuningResult:
@@ -140,13 +159,16 @@ class Tuning:
         self._options, self._start = options, time.perf_counter()
         chosen = default_map(options)
         progress("scene")
-        self.scene = scene = load_scene(options.scene, options.variant)
+        self.scene = scene = load_scene(options.scene, options.variant, trust=options.trust_scene)
         tuned_on, held_out = chosen_views(scene, options)
+        sights = [sight_of(scene, view, 1) for view in (*tuned_on, *held_out)]
+        stages = trial_stages(sights, [chosen.adaptive], 1, evidence=True)
+        self._forecast = check(stages, limit_of(options.max_memory_mb))
         progress("views")
         self._benches = [bench_of(scene, view, options, 1) for view in tuned_on]
-        self._held_out = [bench_of(scene, view, options, 1) for view in held_out]
-        for bench in self._all:
+        for bench in self._benches:
             check_edges(bench, scene)
+        self._held_out = held_out_benches(scene, held_out, options)
         first = self._benches[0]
         chosen.check(max(bench.frame.faces for bench in self._all))
         light = scene.light(options.light)
@@ -180,16 +202,18 @@ class Tuning:
             deadline=deadline,
             progress=progress,
         ).run()
-        told = [found.advice] if found.outcome is not Outcome.FOUND else []
+        told = [*found.notices, *([found.advice] if found.advice else [])]
         return TuningResult(
             found=found,
             variant=self.scene.variant,
             light=light_text(self._light, self._benches[0].frame),
             lit_by=f"light {self._light.name} ({self._light.kind})",
             seen=[_seen(bench) for bench in self._all],
-            notices=[*self.scene.notices, *found.notices, *told],
+            notices=[*self.scene.notices, *told],
+            told=len(told),
             cost_model=self._model,
             made=ledger.added - before,
+            memory=self._forecast,
         )
 
 
@@ -242,13 +266,50 @@ def chosen_views(scene: Scene, options: TuneOptions) -> tuple[list[ViewSpec], li
                 "not be tuned on: leave it out of one.",
             )
         return tuned_on, held_out
+    tuned_on, held_out = (
+        [_on_arc(scene, options, degrees) for degrees in at] for at in (TUNED_AT, HELD_OUT_AT)
+    )
+    return tuned_on, held_out
+
+
+def _on_arc(scene: Scene, options: TuneOptions, degrees: float) -> ViewSpec:
+    """The view of the options, turned about what it sees."""
     view = chosen_view(scene, options)
-    arc = dict(zip(ORBIT_DEG, orbit_keys(aimed(scene, view)), strict=True))
+    name = f"{view.name}, turned {degrees:g} degrees"
+    return replace(turned(aimed(scene, view), degrees), name=name)
 
-    def at(degrees: float) -> ViewSpec:
-        return replace(arc[degrees], name=f"{view.name}, turned {degrees:g} degrees")
 
-    return [at(degrees) for degrees in TUNED_AT], [at(degrees) for degrees in HELD_OUT_AT]
+def held_out_benches(scene: Scene, views: Sequence[ViewSpec], options: TuneOptions) -> list[Bench]:
+    """The views that choose. One that nobody named, and that sees no edge of a shadow, is turned
+    the other way.
+
+    Raises:
+        UseError: that sees none either, or a view that was named does not.
+    """
+    if options.views:
+        found = [bench_of(scene, view, options, 1) for view in views]
+        for bench in found:
+            check_edges(bench, scene)
+        return found
+    return [
+        _turned_bench(scene, view, degrees, options)
+        for view, degrees in zip(views, HELD_OUT_AT, strict=True)
+    ]
+
+
+def _turned_bench(scene: Scene, view: ViewSpec, degrees: float, options: TuneOptions) -> Bench:
+    problem = None
+    for way in (view, _on_arc(scene, options, -degrees)):
+        try:
+            bench = bench_of(scene, way, options, 1)
+            check_edges(bench, scene)
+            return bench
+        except UseError as refused:
+            problem = refused
+    raise UseError(
+        f"no view beside the one that is tuned on can choose ({problem}) Name other views with "
+        "--views and --held-out."
+    ) from problem
 
 
 def _seen(bench: Bench) -> SeenView:

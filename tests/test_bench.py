@@ -18,7 +18,7 @@ from asmjax.errors import UseError
 from asmjax.experiment import bench as bench_module
 from asmjax.experiment import measure
 from asmjax.experiment.aliasing import aliasing_maps
-from asmjax.experiment.bench import RAYS, Bench, family_of
+from asmjax.experiment.bench import RAYS, Bench
 from asmjax.experiment.displacement import displacement
 from asmjax.experiment.ledger import Ledger
 from asmjax.experiment.methods import pixel_mean
@@ -33,6 +33,7 @@ from asmjax.shadow import (
     ShadowAlgorithm,
     Status,
     UniformShadowMap,
+    family_of,
 )
 
 SIDE = 48

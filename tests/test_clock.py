@@ -61,8 +61,12 @@ def test_intervals_cover_the_median_as_often_as_promised(runs):
 
 def test_few_runs_give_their_whole_range():
     one = median_of([3.0, 1.0, 2.0, 9.0, 2.5])
-    assert one.record() == {"median": 2.5, "low": 1.0, "high": 9.0, "runs": 5}
-    assert median_of([4.0]).record() == {"median": 4.0, "low": 4.0, "high": 4.0, "runs": 1}
+    assert one.record() == {
+        "median": 2.5, "low": 1.0, "high": 9.0, "runs": 5, "coverage": 1 - 2 / 2**5,
+    }  # fmt: skip
+    assert median_of([4.0]).record() == {
+        "median": 4.0, "low": 4.0, "high": 4.0, "runs": 1, "coverage": 0.0,
+    }  # fmt: skip
 
 
 def test_one_disturbed_run_in_nine_leaves_no_trace():

@@ -121,7 +121,7 @@ def trial(family: str, seconds: float, memory: int, edge_px: float, **changes: A
 
 def tried(family: str, seconds: float, memory: int, edge_px: float) -> Compared:
     one = trial(family, seconds, memory, edge_px)
-    return Compared(f"{memory} B", one, [one])
+    return Compared(f"{memory} B", one, [one], one.yardstick[0])
 
 
 FLAT = [tried("uniform", 0.01 * 2**k, 4**k * 100, 1.6 / 2**k) for k in range(4)]
@@ -234,8 +234,8 @@ def test_every_family_has_its_range():
     sides = [settings_of(i.algorithm)["resolution"] for i in found if i.family == "uniform"]  # type: ignore[arg-type]
     assert sides == [2048, 512, 4096, 1024]
     cut = [i for i in found if i.family == "subdivided" and i.rank >= 4]
-    assert [item.label for item in cut] == ["16 MB, parts 1", "16 MB, parts 4"]
-    assert [item.rank for item in cut] == [LAST - 1, LAST]
+    assert [item.label for item in cut] == ["16 MB, parts 1", "16 MB, parts 4", "16 MB, strength -1"]
+    assert [item.rank for item in cut] == [LAST - 1, LAST, LAST]
     assert "16 MB, discontinuity 0.01" in [item.label for item in found]
     assert cut[1].algorithm == SubdividedShadowMap(resolution=2048, parts=4)
     assert [i.label for i in found if i.rank == LAST][0] == "16 MB, finest ratio 1/2"

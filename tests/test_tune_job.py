@@ -24,10 +24,12 @@ from asmjax.shadow import (
 from asmjax.tune_job import chosen_views, default_map, goal_of, run_tuning, tune
 from asmjax.tuning import tuner
 from asmjax.tuning.calibrate import Calibration
+from asmjax.tuning.correction import no_correction
 from asmjax.tuning.goal import Goal
 from asmjax.tuning.result import Candidate, Outcome, TuneResult, best_of
 from asmjax.tuning.space import space_of
 from asmjax.tuning.surrogate import Fit
+from asmjax.tuning.tried import candidate
 
 SIDE = 48
 FEW = {"scene": "letter_f", "view": "angle", "size": (SIDE, SIDE), "memory_mb": 1.0, "repeats": 2}
@@ -58,7 +60,7 @@ class QuickTuner:
                 for bench in benches
             ]
             return [
-                Candidate(role, box.point(algorithm), algorithm, trials)
+                candidate(role, box.point(algorithm), algorithm, trials, benches)
                 for (role, algorithm), trials in zip(
                     maps.items(), zip(*columns, strict=True), strict=True
                 )
@@ -68,7 +70,8 @@ class QuickTuner:
         tried, finals = measured(self.benches, 1), measured(self.held_out, self.others["rounds"])
         tuned = best_of(finals, self.goal)
         assert tuned is not None
-        fit = Calibration(Fit(*np.zeros(len(Fit._fields))), 0.1, 0.1, 20, True)
+        rules = Fit(*np.zeros(len(Fit._fields)))
+        fit = Calibration(rules, no_correction(11, 20), 0.1, 0.1, 20, True)
         return TuneResult(
             scene=self.scene,
             goal=self.goal,
@@ -151,10 +154,10 @@ def forbidden(self, view, frame, rays):
 @pytest.mark.mitsuba
 def test_what_the_search_is_told(quick):
     """Options arrive at the search; from Python nothing is written without a folder."""
-    result = tune(**FEW, within_ms=250, evaluations=40, seed=3, minutes=5)
+    result = tune(**FEW, within_ms=250, evaluations=64, seed=3, minutes=5)
     told = quick.made[0]
     assert told.goal == Goal(seconds=0.25) and result.found.goal == told.goal
-    assert told.others["rounds"] == 2 and told.others["evaluations"] == 40
+    assert told.others["rounds"] == 2 and told.others["evaluations"] == 64
     assert told.others["seed"] == 3 and told.others["deadline"] is not None
     assert told.base.memory_bytes == 2**20 and told.base.cost_model is not None
     assert told.others["ledger"].path is None
@@ -232,12 +235,12 @@ def test_wrong_use_is_one_line_and_leaves_nothing(words, said, tmp_path, capfd):
 
 def test_options_arrive():
     words = (
-        "terrain --views a b --held-out c --price 0.5 --memory-mb 4 --evaluations 50 --repeats 7 "
+        "terrain --views a b --held-out c --price 0.5 --memory-mb 4 --evaluations 70 --repeats 7 "
         "--minutes 2.5 --fresh --seed 9 --settings my.toml"
     )
     wanted = TuneOptions(
         scene="terrain", views=("a", "b"), held_out=("c",), price=0.5, memory_mb=4.0,
-        evaluations=50, repeats=7, minutes=2.5, fresh=True, seed=9, settings="my.toml",
+        evaluations=70, repeats=7, minutes=2.5, fresh=True, seed=9, settings="my.toml",
     )  # fmt: skip
     assert parse(["tune", *words.split()], cli.COMMANDS) == ("tune", wanted)
     assert parse(["tune"], cli.COMMANDS) == ("tune", TuneOptions())

@@ -53,12 +53,10 @@ def test_the_report_has_the_numbers(result, report):
     assert tuned["seconds"]["median"] == pytest.approx(0.05)
     assert tuned["seconds"]["low"] == pytest.approx(0.045)
     assert tuned["seconds"]["high"] == pytest.approx(0.055)
-    # Six turns: those of both views. Ratios 0.8 and 1.2 times 0.9 to 1.1 of 12.5.
-    ratios = np.array([part * turn for part in (0.8, 1.2) for turn in (0.9, 1.0, 1.1)]) * 12.5
-    assert tuned["ratio"]["median"] == pytest.approx(np.median(ratios))
-    assert (tuned["ratio"]["low"], tuned["ratio"]["high"]) == pytest.approx(
-        (ratios.min(), ratios.max())
-    )
+    # Three turns, each the mean of both views: 0.9 to 1.1 of 12.5.
+    assert tuned["ratio"]["median"] == pytest.approx(12.5)
+    assert (tuned["ratio"]["low"], tuned["ratio"]["high"]) == pytest.approx((11.25, 13.75))
+    assert tuned["seconds"]["coverage"] == 0.75
     assert tuned["views"][0]["error"]["boundary_displacement_px"]["per_edge_length"] == 0.012
     assert report["tried"][4]["predicted"]["edge_px"] == pytest.approx(
         1.1 * report["tried"][4]["edge_px"]
@@ -234,6 +232,7 @@ def test_settings_have_the_units_of_people(name, value, expected):
         (lambda r: r["tried"][2].update(role="guess"), "tried[2].role: expected one of"),
         (lambda r: r["finalists"][0].update(met=False), "finalists[0].objective: a number"),
         (lambda r: r["front"][0].pop("gap"), "front[0].gap: missing"),
+        (lambda r: r.update(outcome="interrupted"), "objective.default.views: expected"),
     ],
 )
 def test_broken_reports_are_refused(report, change, said):

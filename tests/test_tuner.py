@@ -2,6 +2,7 @@
 
 import time
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,11 +16,15 @@ from asmjax.tuning import evidence as evidence_module
 from asmjax.tuning import space as space_module
 from asmjax.tuning import tuner as tuner_module
 from asmjax.tuning.goal import Goal
-from asmjax.tuning.result import Outcome, best_of
-from asmjax.tuning.tuner import LEAST_EVALUATIONS, Tuner
+from asmjax.tuning.result import Outcome
+from asmjax.tuning.tried import RIVALS, Tried
+from asmjax.tuning.tuner import Tuner, steps_of
 
 SIDE = 48
 """Pixels a side."""
+
+SAMPLES, EVALUATIONS = 20, 28
+"""As few as there may be here."""
 
 LIMIT = Goal(error=0.2)
 """Pixels of edge: coarse maps break it. A front, which a price asks for, takes a minute to compile:
@@ -37,6 +42,9 @@ def small():
     patch.setattr(space_module, "MEMORY_PARTS", (1,))
     patch.setattr(evidence_module, "SAMPLES", 24)
     patch.setattr(tuner_module, "GRID", {"finest_ratio": (1 / 16, 1.0)})
+    patch.setattr(tuner_module, "SAMPLES", SAMPLES)
+    patch.setattr(tuner_module, "PROPOSALS", 3)
+    patch.setattr(tuner_module, "LEAST_EVALUATIONS", EVALUATIONS)
     yield
     patch.undo()
 
@@ -49,7 +57,7 @@ def benches():
 
 def tuner(benches, ledger: Ledger, goal: Goal = LIMIT, **options) -> Tuner:
     on, out = benches
-    options = {"evaluations": LEAST_EVALUATIONS, "rounds": 2, **options}
+    options = {"evaluations": EVALUATIONS, "rounds": 2, **options}
     return Tuner("disc", [on], [out], BASE, goal, ledger=ledger, **options)
 
 
@@ -65,7 +73,7 @@ def first(benches, tmp_path_factory):
 def test_the_result_agrees_with_itself(first):
     """Every field says what the others do."""
     found, _, steps = first
-    assert len(steps) <= tuner_module.STEPS
+    assert EVALUATIONS < len(steps) <= steps_of(EVALUATIONS, 1)
     assert (found.scene, found.views, found.held_out) == ("disc", ("tuned on",), ("held out",))
     assert found.outcome in (Outcome.FOUND, Outcome.DEFAULT_STANDS, Outcome.UNSETTLED)
     assert (found.advice == "") == (found.outcome is Outcome.FOUND)
@@ -75,11 +83,11 @@ def test_the_result_agrees_with_itself(first):
     finalists = {id(one) for one in found.finalists}
     assert {id(one) for one in found.rivals.values()} <= finalists
     roles = Counter(one.role for one in found.tried)
-    assert roles["default"] == 1 and roles["sample"] + roles["random"] == LEAST_EVALUATIONS
-    assert 1 <= roles["surrogate"] <= 2 * tuner_module.PROPOSALS and roles["grid"] <= 2
+    assert roles["default"] == 1 and roles["sample"] + roles["random"] == EVALUATIONS
+    assert 1 <= roles["surrogate"] <= 2 * 3 and roles["grid"] <= 2
     # The search's own measurements are as many as random search had.
     own = sum(roles[role] for role in ("sample", "surrogate", "neighbour"))
-    assert own <= found.evaluations == LEAST_EVALUATIONS
+    assert own <= found.evaluations == EVALUATIONS
     assert found.settings == pytest.approx(
         {name: getattr(found.tuned.algorithm, name) for name in found.settings}
     )
@@ -89,16 +97,42 @@ def test_the_result_agrees_with_itself(first):
     assert found.front == () and found.sensitivity is None
 
 
-def test_what_was_chosen_is_the_best_that_was_measured(first):
-    """On views other than those tuned on, never worse than the default."""
+def test_tuned_settings_are_not_beaten(first):
+    """On views other than those tuned on: within the noise of two turns of milliseconds as good as
+    the grid and a random search; all three are the least of as many numbers."""
     found, _, _ = first
-    worst = found.default.objective(LIMIT)
-    assert found.tuned.objective(LIMIT) <= worst
-    assert found.tuned is best_of([found.tuned, found.default], LIMIT)
     for rival in (found.grid_best, found.random_best):
         assert rival is not None and np.isfinite(rival.objective(LIMIT))
+        assert found.tuned.objective(LIMIT) <= 1.5 * rival.objective(LIMIT)
     trial = found.tuned.trials[0]
     assert found.tuned.edge_px == trial.edge_px and found.tuned.seconds == trial.total.value
+
+
+def test_the_search_knows_nothing_of_its_rivals(first, benches):
+    """Rationale: it would be compared with what it learned from. Whatever a grid and the rest of a
+    random search find, here that the whole grid is perfect, the search tries the same."""
+    found, path, _ = first
+    search = tuner(benches, Ledger(path))
+    own = [one.point for one in found.tried if one.role not in RIVALS]
+    rivals = [k for k, one in enumerate(found.tried) if one.role in RIVALS]
+    assert rivals and min(rivals) > max(
+        k for k, one in enumerate(found.tried) if one.role not in RIVALS
+    )
+    measured = Tried.measure
+
+    def perfect(self, point, role, algorithm=None):
+        one = measured(self, point, role, algorithm)
+        if role in RIVALS:
+            flawless = {"boundary_displacement_px": {"per_edge_length": 0.0}}
+            whole = replace(one.whole, error=one.whole.error | flawless)
+            one = replace(one, whole=whole)
+            self.all[-1] = one
+        return one
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Tried, "measure", perfect)
+        again = search.run()
+    np.testing.assert_array_equal([one.point for one in again.tried if one.role not in RIVALS], own)
 
 
 def test_a_replay_chooses_the_same(first, benches):
@@ -113,19 +147,23 @@ def test_a_replay_chooses_the_same(first, benches):
         assert [one.role for one in again.tried] == [one.role for one in found.tried]
 
 
-def test_an_interrupted_run_goes_on(benches, tmp_path):
-    """Ended in its third step; the next one reuses all that was measured until then."""
-    path, steps = tmp_path / "m.jsonl", []
+@pytest.mark.parametrize("where", ["settings at random, 5 tried", "held-out view"])
+def test_an_interrupted_run_gives_the_best_so_far_and_goes_on(first, benches, tmp_path, where):
+    """The best on the views tuned on, marked as such; the next run measures none of it again."""
+    path = tmp_path / "m.jsonl"
+    path.write_bytes(first[1].read_bytes() if where == "held-out view" else b"")
 
     def stop(step: str) -> None:
-        steps.append(step)
-        if len(steps) == 3:
+        if step.startswith(where):
             raise KeyboardInterrupt
 
-    with pytest.raises(KeyboardInterrupt):
-        tuner(benches, Ledger(path), progress=stop).run()
+    stopped = tuner(benches, Ledger(path), progress=stop).run()
+    assert stopped.outcome is Outcome.INTERRUPTED and "not measured on others" in stopped.advice
+    assert stopped.chosen_on == ("tuned on",) and stopped.held_out == ("held out",)
+    least = min(one.rank(LIMIT) for one in stopped.tried if one.role not in RIVALS)
+    assert stopped.tuned.rank(LIMIT) == least
+    assert stopped.said.shape == (2, len(stopped.tried)) and np.isnan(stopped.said).all()
     known = len(Ledger(path))
-    assert known >= LEAST_EVALUATIONS
     ledger = Ledger(path)
     found = tuner(benches, ledger).run()
     assert found.reused >= known
@@ -138,7 +176,7 @@ def test_a_deadline_that_is_over_gives_the_best_so_far(first, benches, tmp_path)
     found = tuner(benches, ledger, deadline=time.perf_counter() - 1).run()
     assert found.outcome is Outcome.TIME_SPENT and "time" in found.advice
     roles = Counter(one.role for one in found.tried)
-    assert set(roles) == {"default", "sample"} and roles["sample"] == tuner_module.SAMPLES
+    assert set(roles) == {"default", "sample"} and roles["sample"] == SAMPLES
     assert found.grid_best is None
     assert found.tuned.objective(LIMIT) <= found.default.objective(LIMIT)
 
@@ -164,6 +202,6 @@ def test_wrong_use_is_refused(benches):
     with pytest.raises(UseError, match="'bare' sees no edge of a shadow"):
         tuner((on, bare), Ledger())
     with pytest.raises(UseError, match="too few to tune"):
-        tuner(benches, Ledger(), evaluations=LEAST_EVALUATIONS - 1)
+        tuner(benches, Ledger(), evaluations=EVALUATIONS - 1)
     with pytest.raises(UseError, match="needs a view"):
         Tuner("disc", [on], [], BASE, LIMIT, ledger=Ledger())

@@ -20,7 +20,7 @@ from asmjax.experiment.trial import STAGES, Trial, trial_of
 from asmjax.geometry import LightFrame
 from asmjax.metrics import SurfacePairs, boundary_edges, boundary_length, error_summary
 from asmjax.metrics import surface_pairs as pairs_of
-from asmjax.shadow import ALGORITHMS, Cost, ShadowAlgorithm, Status
+from asmjax.shadow import Cost, ShadowAlgorithm, Status, family_of
 
 RAYS = "rays"
 """Family of the yardstick: shadow rays from the eye's points."""
@@ -106,17 +106,19 @@ class Bench:
             ledger: what it knows is not measured again; the rest is added after the last turn, so
                 an interruption costs what was asked for together.
             predicted: also predict the displacement of edges (M4), outside of what is timed.
-            together: what the ledger knows counts only if it was measured in turns with the same
-                others: times that are compared with one another must be of one while.
+            together: what the ledger knows counts only if all of it was measured in turns with the
+                same others: times that are compared with one another must be of one while.
 
         Raises:
             UseError: as `build` does.
         """
-        keys = [self.key(algorithm, rounds, predicted) for algorithm in algorithms]
+        keys = [self.key(algorithm, rounds, predicted, warm_ups) for algorithm in algorithms]
         if together:
             company = [digest(key) for key in keys]
             keys = [{**key, "in_turns_with": company} for key in keys]
         known = [None if ledger is None else ledger.get(key) for key in keys]
+        if together and None in known:
+            known = [None] * len(known)
         calls: dict[str, Callable[[], _Run]] = {
             str(number): _Try(self, algorithm, predicted)
             for number, (algorithm, found) in enumerate(zip(algorithms, known, strict=True))
@@ -134,7 +136,9 @@ class Bench:
             result.append(trial)
         return result
 
-    def key(self, algorithm: ShadowAlgorithm, rounds: int, predicted: bool) -> dict[str, Any]:
+    def key(
+        self, algorithm: ShadowAlgorithm, rounds: int, predicted: bool, warm_ups: int = 1
+    ) -> dict[str, Any]:
         """What a trial depends on, as plain values."""
         model = getattr(algorithm, "cost_model", None)
         return {
@@ -144,6 +148,7 @@ class Bench:
             # What it decides by: not when it was measured, nor whether it was kept since.
             "cost_model": None if model is None else [model.a_seconds_per_texel, model.b_seconds],
             "rounds": rounds,
+            "warm_ups": warm_ups,
             "predicted": predicted,
             "holds": _HOLDS,
         }
@@ -263,11 +268,6 @@ class _Try:
         maps = aliasing_maps(self.algorithm, state, eye, bench.frame)
         # Truth is judged as it is drawn: of several samples a pixel counts as most of them.
         return displacement(bench.truth, bench.truth, eye, maps).predicted
-
-
-def family_of(algorithm: ShadowAlgorithm) -> str:
-    """Its name in the registry."""
-    return next(name for name, kind in ALGORITHMS.items() if type(algorithm) is kind)
 
 
 def _mean(errors: Sequence[dict]) -> dict:

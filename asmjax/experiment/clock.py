@@ -35,9 +35,32 @@ class Median:
     high: float
     runs: int
 
+    @property
+    def coverage(self) -> float:
+        """How sure it is that the median of all runs there could be lies in the interval."""
+        misses = sum(math.comb(self.runs, k) for k in range(interval_rank(self.runs)))
+        return 1 - 2 * misses / 2**self.runs
+
+    @property
+    def words(self) -> str:
+        """What the interval is, for captions."""
+        if interval_rank(self.runs) == 1:
+            return f"range of {self.runs} runs" if self.runs > 1 else "one run"
+        return f"{100 * self.coverage:.0f} % interval of the median of {self.runs} runs"
+
+    def scaled(self, by: float) -> "Median":
+        """The same in another unit."""
+        return Median(by * self.value, by * self.low, by * self.high, self.runs)
+
     def record(self) -> dict:
         """As plain values."""
-        return {"median": self.value, "low": self.low, "high": self.high, "runs": self.runs}
+        return {
+            "median": self.value,
+            "low": self.low,
+            "high": self.high,
+            "runs": self.runs,
+            "coverage": self.coverage,
+        }
 
 
 def median_of(runs: Sequence[float]) -> Median:

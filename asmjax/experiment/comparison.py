@@ -7,9 +7,10 @@ from typing import NamedTuple
 import numpy as np
 
 from asmjax.errors import require
+from asmjax.experiment.clock import Median
 from asmjax.experiment.fronts import Reach, cost_of_error, front
 from asmjax.experiment.trial import Trial
-from asmjax.shadow import Status
+from asmjax.shadow import ShadowAlgorithm, Status
 
 COSTS = ("seconds", "bytes")
 """What accuracy is paid with."""
@@ -29,20 +30,32 @@ class Compared:
         label: what tells it from others of its family.
         trial: of all views together; see `pooled`.
         views: of each view.
+        yardstick: seconds of one shadow ray for each sample, by all turns of all that is compared.
+            Trials are minutes apart, while a shared machine is now slower and now quicker: what
+            they have in common are the rays that each was measured beside.
+        algorithm: that was tried; None for traced rays.
     """
 
     label: str
     trial: Trial
     views: Sequence[Trial]
+    yardstick: float
+    algorithm: ShadowAlgorithm | None = None
 
     @property
     def name(self) -> str:
         """Family and label."""
         return f"{self.trial.family} {self.label}"
 
+    @property
+    def seconds(self) -> Median:
+        """From nothing, as on a machine that always traces rays as fast as it mostly did: its time
+        in rays, turn by turn, x the yardstick. By this it is ranked and drawn."""
+        return self.trial.ratio.scaled(self.yardstick)
+
     def cost(self, kind: str) -> float:
-        """Median seconds from nothing, or bytes."""
-        return self.trial.total.value if kind == "seconds" else float(self.trial.bytes)
+        """Median `seconds`, or bytes."""
+        return self.seconds.value if kind == "seconds" else float(self.trial.bytes)
 
 
 @dataclass(frozen=True)
@@ -61,6 +74,11 @@ class EqualError:
     family: str
     reach: Reach | None
     ratio: float | None
+
+
+def common_yardstick(trials: Sequence[Trial]) -> float:
+    """Median seconds of the yardstick over all turns of all those trials."""
+    return float(np.median([turn for trial in trials for turn in trial.yardstick]))
 
 
 def pooled(trials: Sequence[Trial], edges: Sequence[float], pixels: Sequence[int]) -> Trial:

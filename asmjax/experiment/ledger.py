@@ -1,7 +1,7 @@
 """Measurements that outlive an interruption: a file with a line for each, read when one goes on.
 
-What is written is a dictionary of plain values under a key of plain values. A key says all that a
-measurement depends on: another scene, view, setting, version or machine has another key.
+What is written is a dictionary of plain values under a key of plain values. A key says what a
+measurement depends on: another scene, view, setting, code, library or machine has another key.
 
 A line is JSON as Python writes it: numbers that are not finite stand as NaN and Infinity, which an
 endless setting is and a measurement may be, and which must not be lost for it.
@@ -25,6 +25,10 @@ _BEGINNING = '{"format": "asmjax/measurement/'
 """Of every line, of whatever version."""
 
 _log = logging.getLogger("asmjax")
+
+
+class LedgerError(UseError):
+    """Measurements cannot be kept: whatever is measured next would be lost as well."""
 
 
 class Ledger:
@@ -63,7 +67,7 @@ class Ledger:
         """Keep a measurement, on disk before this returns.
 
         Raises:
-            UseError: the file cannot be written; `get` knows the measurement all the same.
+            LedgerError: the file cannot be written; `get` knows the measurement all the same.
         """
         name = digest(key)
         line = {"format": FORMAT, "key": name, "of": dict(key), "measured": dict(measurement)}
@@ -80,7 +84,7 @@ class Ledger:
                 file.flush()
                 os.fsync(file.fileno())
         except OSError as problem:
-            raise UseError(
+            raise LedgerError(
                 f"cannot write measurements to '{self.path}' ({problem.strerror}); choose another "
                 "--out."
             ) from problem

@@ -33,11 +33,14 @@ VARIANTS: Mapping[str, Sequence[Mapping[str, Any]]] = {
 BETWEEN: Mapping[str, Sequence[Mapping[str, Any]]] = {
     "adaptive": [{"finest_ratio": 1 / side} for side in (2, 8, 32)],
     "light-space": [{"falloff": "sine"}],
-    "partitioned": [{"warp": "light-space"}],
-    "subdivided": [{"parts": 4}],
-    "tuned": [{"partitions": 1}],
+    "logarithmic": [{"ratio": 16.0}, {"ratio": 4.0}],
+    "partitioned": [{"warp": "light-space"}, {"blend": 0.5}],
+    "subdivided": [{"parts": 4}, {"strength": -1.0}],
+    "tuned": [{"partitions": 1}, {"power": 2.0}],
 }
-"""Settings that tell less, and are tried with the first number of samples only."""
+"""Settings that tell less, and are tried with the first number of samples only. Lengths in scene
+units, as `slide` and `focus` are, have no values that suit every scene: a settings file gives them.
+"""
 
 LAST = len(MEMORY_FACTORS) + 1
 """The rank of what is in `BETWEEN`."""

@@ -8,10 +8,10 @@ from asmjax.report.compare_record import report_of_comparison
 from asmjax.report.compare_result import ComparisonResult
 from asmjax.report.compare_table import write_trials_csv
 from asmjax.report.figures.board import save
-from asmjax.report.figures.fronts import FrontPanel, FrontPoint, Mark, draw_fronts
+from asmjax.report.figures.fronts import BARS, FrontPanel, FrontPoint, Mark, draw_fronts
 from asmjax.report.outputs import ANALYSIS, COMPARISON, SINGLE_RUN, WALKTHROUGH, remove
 from asmjax.report.record import write_json
-from asmjax.report.table import MB
+from asmjax.report.table import MB, significant
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -42,26 +42,37 @@ def draw_comparison(result: ComparisonResult, samples: int) -> "Figure":
         [item.name for item in front_of(items, "seconds")],
         [
             Mark(f"{item.trial.samples} ray{'s'[: item.trial.samples > 1]} per pixel",
-                 1e3 * item.trial.total.value)
+                 1e3 * item.seconds.value)
             for item in result.yardsticks
         ],
     )  # fmt: skip
     memory = FrontPanel(
         "What accuracy costs in memory",
-        "all arrays that are kept; traced rays keep none",
+        f"all arrays that are kept; rays keep none and are exact, {_exact(result)}",
         "memory, MB",
         [_point(item, "bytes") for item in items],
         [item.name for item in front_of(items, "bytes")],
     )
     end = "" if result.ended == "complete" else f" Not all was tried: {result.ended}."
     plural = "samples" if samples > 1 else "sample"
-    return draw_fronts([time, memory], f"{result.title}; {samples} {plural} per pixel.{end}")
+    title = f"{result.title}; {samples} {plural} per pixel.{end}"
+    return draw_fronts([time, memory], title, items[0].seconds.words if items else BARS)
+
+
+def _exact(result: ComparisonResult) -> str:
+    """What the yardsticks take: 1 ray in 6 ms, 16 rays in 95 ms."""
+    return ", ".join(
+        f"{item.trial.samples} ray{'s'[: item.trial.samples > 1]} in "
+        f"{significant(1e3 * item.seconds.value)} ms"
+        for item in result.yardsticks
+    )
 
 
 def _point(item: Compared, kind: str) -> FrontPoint:
-    trial, total = item.trial, item.trial.total
+    trial = item.trial
     if kind == "seconds":
-        cost, low, high = (1e3 * value for value in (total.value, total.low, total.high))
+        time = item.seconds.scaled(1e3)
+        cost, low, high = time.value, time.low, time.high
     else:
         cost = low = high = trial.bytes / MB
     return FrontPoint(trial.family, item.label, item.name, cost, trial.edge_px, low, high)

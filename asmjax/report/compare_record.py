@@ -30,6 +30,7 @@ def report_of_comparison(result: ComparisonResult, seed: int) -> dict:
         argv=["asmjax", *sys.argv[1:]],
         provenance=provenance(result.variant, jax.devices()[0].device_kind),
         seed=seed,
+        memory=result.memory,
         scene=result.scene,
         view=", ".join(view.name for view in result.views),
         light=result.light,
@@ -78,6 +79,7 @@ def _trial(item: Compared) -> dict:
         "settings": {name: storable(value) for name, value in trial.settings.items()},
         "samples": trial.samples,
         **measured_record(trial),
+        "ranked_seconds": item.seconds.record(),
         "views": [{"view": view.view, **measured_record(view)} for view in item.views],
     }
 

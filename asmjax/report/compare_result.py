@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from asmjax.errors import require
 from asmjax.experiment.comparison import Compared, cheapest
+from asmjax.memory import Forecast
 from asmjax.shadow import CostModel
 
 if TYPE_CHECKING:
@@ -47,6 +48,7 @@ class ComparisonResult:
         ended: "complete", "time limit" or "interrupted".
         asked: how many trials were asked for.
         made, reused: measurements that were made, and taken from an earlier run.
+        memory: what it was estimated to take; None where nobody asked.
     """
 
     scene: str
@@ -64,6 +66,7 @@ class ComparisonResult:
     asked: int
     made: int
     reused: int
+    memory: Forecast | None = None
 
     @property
     def title(self) -> str:

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 
 from asmjax.report.keys import InvalidReport, Key
-from asmjax.report.schema_parts import COST_MODEL, HEAD, MEASURED, NOTICES
+from asmjax.report.schema_parts import COST_MODEL, HEAD, MEASURED, NOTICES, interval_key
 
 COMPARISON_SCHEMA = "asmjax/comparison/1"
 
@@ -18,6 +18,10 @@ _TRIAL = {
     "settings": Key("any object", "all settings that it ran with"),
     "samples": Key("count", "of each pixel"),
     **MEASURED,
+    "ranked_seconds": interval_key(
+        "`ratio` x the median of all turns of the rays of as many samples: by this trials are "
+        "ranked and drawn, seconds"
+    ),
     "views": Key(
         {"view": Key("text", "name of the view"), **MEASURED}, "of each view alone", each=True
     ),
@@ -84,7 +88,7 @@ COMPARISON_KEYS: Mapping[str, Key] = {
             "samples": Key("count", "of each pixel"),
             "error_px": Key("amount", "wrong pixels per pixel of truth's edge"),
             "family": Key("text", "of the algorithm"),
-            "seconds": Key(_REACH, "median total, seconds; null where it is not reached"),
+            "seconds": Key(_REACH, "of `ranked_seconds`; null where it is not reached"),
             "bytes": Key(_REACH, "bytes; null where it is not reached"),
         },
         "what each family needs for a given error, interpolated between its own trials",

@@ -84,8 +84,8 @@ def _of(group: str, head: str, value: Callable[[Compared], Any], text: Callable 
 
 
 def _range(item: Compared) -> str:
-    total = item.trial.total
-    return f"{significant(1e3 * total.low)}-{significant(1e3 * total.high)}"
+    time = item.seconds.scaled(1e3)
+    return f"{significant(time.low)}-{significant(time.high)}"
 
 
 _COLUMNS: tuple[Column, ...] = (
@@ -108,7 +108,13 @@ def write_trials_csv(path: str | os.PathLike, result: ComparisonResult) -> None:
     for item in [*result.trials, *result.yardsticks]:
         trials = item.views if len(item.views) == 1 else [item.trial, *item.views]
         rows += [
-            {"label": item.label, "trial": trial, **measured_record(trial)} for trial in trials
+            {
+                "label": item.label,
+                "trial": trial,
+                "ranked": 1e3 * trial.ratio.value * item.yardstick,
+                **measured_record(trial),
+            }
+            for trial in trials
         ]
     write_csv(path, rows, _csv_columns())
 
@@ -145,6 +151,7 @@ def _csv_columns() -> list[Column]:
             column(f"ratio_to_rays{tail}", interval("ratio", end))
             for end, tail in (("median", ""), ("low", "_low"), ("high", "_high"))
         ),
+        column("ranked_ms", lambda row: row["ranked"]),
         column("runs", interval("total", "runs")),
         *(
             column(name, lambda row, name=name: row[name])

@@ -71,6 +71,7 @@ def interval_key(what: str, required: bool = True) -> Key:
         "low": Key("amount", "lower end of its interval: with 95 %, of few runs the least"),
         "high": Key("amount", "upper end of it"),
         "runs": Key("count", "how many"),
+        "coverage": Key("amount", "probability that the interval holds the median of all runs"),
     }
     return Key(keys, what, required)
 

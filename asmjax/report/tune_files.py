@@ -22,7 +22,7 @@ from asmjax.report.outputs import (
 from asmjax.report.record import write_json
 from asmjax.report.table import MB
 from asmjax.report.tune_record import report_of_tuning
-from asmjax.report.tune_result import TuningResult, seconds_of, tuned_settings
+from asmjax.report.tune_result import TuningResult
 from asmjax.report.tune_table import RIVAL_WORDS, write_tried_csv
 from asmjax.shadow import write_settings
 from asmjax.tuning.result import Candidate
@@ -82,7 +82,7 @@ def _tried(result: TuningResult) -> "Figure":
     if found.tuned is not found.default:
         levels.append(("tuned", found.tuned.objective(goal)))
     chosen = TriedPanel(
-        "Chosen on views that were not tuned on",
+        f"The best {result.where}",
         f"medians of {min(t.total.runs for t in found.default.trials)} turns with the rays",
         [_dot(one) for one in found.finalists],
         1e3 * result.yardstick,
@@ -92,7 +92,7 @@ def _tried(result: TuningResult) -> "Figure":
     asked = Asked(
         goal.price, None if goal.seconds is None else 1e3 * goal.seconds, goal.error
     )  # fmt: skip
-    return draw_tried([tried, chosen], asked, result.title)
+    return draw_tried([tried, chosen], asked, result.title, found.tuned.whole.total.words)
 
 
 def _rivals(result: TuningResult) -> list[Rival]:
@@ -102,7 +102,7 @@ def _rivals(result: TuningResult) -> list[Rival]:
         names.setdefault(id(one), []).append(RIVAL_WORDS[name])
     drawn = []
     for one in {id(one): one for one in result.found.rivals.values()}.values():
-        time = seconds_of(one)
+        time = one.whole.total
         words = " = ".join(names[id(one)])
         drawn.append(Rival(words, _dot(one), 1e3 * time.low, 1e3 * time.high))
     return drawn
@@ -137,7 +137,7 @@ def _sensitivity(result: TuningResult) -> "Figure":
         Slope("error", bending.log_edge),
         Slope("time", bending.log_seconds),
     ]
-    chosen = tuned_settings(found.tuned)
+    chosen = found.tuned.settings
     ways = []
     for knob in found.space.knobs:
         words, scale = _SCALED.get(knob.name, (knob.words, 1.0))

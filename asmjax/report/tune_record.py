@@ -11,7 +11,7 @@ from asmjax.report.compare_record import measured_record
 from asmjax.report.measured import cost_model_record
 from asmjax.report.provenance import provenance
 from asmjax.report.record import report_of_entries, storable
-from asmjax.report.tune_result import TuningResult, seconds_of, tuned_settings
+from asmjax.report.tune_result import TuningResult
 from asmjax.report.tune_schema import RIVALS, TUNING_SCHEMA
 from asmjax.tuning.goal import Goal
 from asmjax.tuning.result import Candidate, FrontPoint, Sensitivity
@@ -25,6 +25,7 @@ def report_of_tuning(result: TuningResult, seed: int) -> dict:
         argv=["asmjax", *sys.argv[1:]],
         provenance=provenance(result.variant, jax.devices()[0].device_kind),
         seed=seed,
+        memory=result.memory,
         scene=found.scene,
         view=", ".join(view.name for view in result.seen),
         light=result.light,
@@ -62,13 +63,13 @@ def candidate_record(one: Candidate, goal: Goal) -> dict[str, Any]:
     """A candidate, all of its views together."""
     return {
         "role": one.role,
-        "settings": {name: storable(value) for name, value in tuned_settings(one).items()},
+        "settings": {name: storable(value) for name, value in one.settings.items()},
         "met": goal.met(one.edge_px, one.seconds),
         "objective": _finite(one.objective(goal)),
         "edge_px": one.edge_px,
-        "seconds": seconds_of(one).record(),
+        "seconds": one.whole.total.record(),
         "ratio": one.ratio.record(),
-        "bytes": max(trial.bytes for trial in one.trials),
+        "bytes": one.whole.bytes,
     }
 
 
@@ -105,7 +106,8 @@ def _calibration(result: TuningResult) -> list[dict[str, Any]]:
             "settled": fitted.settled,
             "fit": {name: float(number) for name, number in fitted.fit._asdict().items()},
         }
-        for view, fitted in zip(result.found.views, result.found.calibrations, strict=True)
+        # None, where tuning was interrupted before there was a fit.
+        for view, fitted in zip(result.found.views, result.found.calibrations, strict=False)
     ]
 
 
@@ -115,6 +117,7 @@ def _sensitivity(found: Sensitivity) -> dict[str, Any]:
         "log_settings": found.log_settings,
         "log_edge": found.log_edge,
         "log_seconds": found.log_seconds,
+        "settled": found.settled,
     }
 
 
@@ -125,6 +128,7 @@ def _front(point: FrontPoint) -> dict[str, Any]:
         "edge_px": point.edge_px,
         "seconds": point.seconds,
         "gap": point.gap,
+        "taken_over": point.taken_over,
     }
 
 

@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from asmjax.errors import require
-from asmjax.experiment.clock import Median
+from asmjax.memory import Forecast
 from asmjax.report.compare_result import SeenView
 from asmjax.shadow import AdaptiveShadowMap, CostModel
 from asmjax.tuning.result import Candidate, Outcome, TuneResult
-from asmjax.tuning.space import NAMES
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -35,6 +34,8 @@ class TuningResult:
             not as it should, one line each.
         cost_model: of casting texels, by which the map decides.
         made: trials that this run measured.
+        memory: what it was estimated to take; None where nobody asked.
+        told: how many of the notices, the last ones, are about the tuning.
     """
 
     found: TuneResult
@@ -45,16 +46,25 @@ class TuningResult:
     notices: Sequence[str]
     cost_model: CostModel
     made: int
+    memory: Forecast | None = None
+    told: int = 0
 
     @property
     def settings(self) -> dict[str, Any]:
         """The tuned settings by name."""
-        return tuned_settings(self.found.tuned)
+        return self.found.settings
 
     @property
     def algorithm(self) -> AdaptiveShadowMap:
         """The map with the tuned settings."""
         return self.found.tuned.algorithm
+
+    @property
+    def where(self) -> str:
+        """On which views numbers were measured, for sentences."""
+        if self.outcome is Outcome.INTERRUPTED:
+            return "measured once, on views that were tuned on"
+        return "on views that were not tuned on"
 
     @property
     def outcome(self) -> Outcome:
@@ -149,15 +159,3 @@ class TuningResult:
         import html
 
         return f"<pre>{html.escape(self.table())}</pre>"
-
-
-def tuned_settings(candidate: Candidate) -> dict[str, Any]:
-    """What a candidate has of the settings that are tuned."""
-    return {name: getattr(candidate.algorithm, name) for name in NAMES}
-
-
-def seconds_of(candidate: Candidate) -> Median:
-    """Its seconds with an interval: of medians and of both ends the mean over the views."""
-    totals = [trial.total for trial in candidate.trials]
-    low, high = (sum(getattr(t, end) for t in totals) / len(totals) for end in ("low", "high"))
-    return Median(candidate.seconds, low, high, min(total.runs for total in totals))

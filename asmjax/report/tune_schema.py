@@ -8,7 +8,7 @@ from asmjax.report.schema_parts import COST_MODEL, HEAD, MEASURED, NOTICES, inte
 
 TUNING_SCHEMA = "asmjax/tuning/1"
 
-OUTCOMES = ("found", "default_stands", "not_met", "time_spent", "unsettled")
+OUTCOMES = ("found", "default_stands", "not_met", "time_spent", "unsettled", "interrupted")
 """How tuning ended: the names of `asmjax.tuning.result.Outcome`, which loads JAX."""
 
 RIVALS = ("default", "tuned", "grid_best", "random_best")
@@ -109,7 +109,8 @@ TUNING_KEYS: Mapping[str, Key] = {
         each=True,
     ),
     "rank_correlation": Key(
-        "number", "Spearman's, of the surrogate with `tried`; null where all are equal",
+        "number", "Spearman's, of the surrogate with those of `tried` that it was not fitted to "
+        "(random, grid); null where there are none or all are equal",
         nullable=True,
     ),
     "sensitivity": Key(
@@ -118,6 +119,7 @@ TUNING_KEYS: Mapping[str, Key] = {
             "log_settings": Key("any object", "d log(setting) / d log(price) by name"),
             "log_edge": Key("number", "d log(error) / d log(price)"),
             "log_seconds": Key("number", "d log(seconds) / d log(price)"),
+            "settled": Key("flag", "whether they are of an optimum; else they mean little"),
         },
         "how the surrogate's best settings move with the price; null without a price",
         nullable=True,
@@ -127,7 +129,8 @@ TUNING_KEYS: Mapping[str, Key] = {
             "price": Key("amount", "of a second, pixels"),
             "settings": Key("any object", "the surrogate's best, between steps, by name"),
             **_SAID,
-            "gap": Key("number", "objective / that of a search from elsewhere - 1"),
+            "gap": Key("number", "objective of the curve / of a search from elsewhere - 1"),
+            "taken_over": Key("flag", "whether that search was better, and the point is its"),
         },
         "the surrogate's best settings for other prices; empty without a price",
         each=True,
@@ -138,8 +141,8 @@ TUNING_KEYS: Mapping[str, Key] = {
 
 
 def check_tuning(report: Mapping) -> None:
-    """What the keys do not say: known outcome and roles, rivals measured on all held-out views, an
-    objective exactly where the limit is kept.
+    """What the keys do not say: known outcome and roles, rivals measured on all held-out views
+    (interrupted: on those tuned on), an objective exactly where the limit is kept.
 
     Raises:
         InvalidReport: with the JSON path of the first thing that is wrong.
@@ -148,12 +151,13 @@ def check_tuning(report: Mapping) -> None:
         raise InvalidReport(
             f"outcome: expected one of {', '.join(OUTCOMES)}, got '{report['outcome']}'"
         )
-    held_out = [view["name"] for view in report["views"] if view["held_out"]]
+    stopped = report["outcome"] == "interrupted"
+    chose = [view["name"] for view in report["views"] if view["held_out"] is not stopped]
     rivals = {name: one for name, one in report["objective"].items() if one is not None}
     for name, rival in rivals.items():
         own = [view["view"] for view in rival["views"]]
-        if own != held_out:
-            raise InvalidReport(f"objective.{name}.views: expected {held_out}, got {own}")
+        if own != chose:
+            raise InvalidReport(f"objective.{name}.views: expected {chose}, got {own}")
     groups = {f"objective.{name}": one for name, one in rivals.items()}
     for group in ("tried", "finalists"):
         groups |= {f"{group}[{i}]": one for i, one in enumerate(report[group])}

@@ -7,7 +7,7 @@ from typing import Any
 from asmjax.experiment.clock import Median
 from asmjax.report.table import MB, Column, significant, table_text, write_csv
 from asmjax.report.tune_record import tried_records
-from asmjax.report.tune_result import TuningResult, seconds_of, tuned_settings
+from asmjax.report.tune_result import TuningResult
 from asmjax.tuning.result import Candidate
 from asmjax.tuning.space import NAMES
 
@@ -31,7 +31,7 @@ def tuning_text(result: TuningResult) -> str:
     """Two tables and what they say, without a last newline."""
     found = result.found
     parts = [
-        f"on views that were not tuned on ({', '.join(found.held_out)}), {found.goal.words}:",
+        f"{result.where} ({', '.join(found.chosen_on)}), {found.goal.words}:",
         table_text(_columns(result), [{"name": name} for name in found.rivals]),
         _settings_text(result),
         verdict(result),
@@ -56,7 +56,7 @@ def verdict(result: TuningResult) -> str:
             told.append(f"{_percent(gain)} than {words}")
         elif not found.goal.met(found.rivals[name].edge_px, found.rivals[name].seconds):
             told.append(f"within the limit, which {words} is not")
-    return f"tuned is {_listed(told)}, on views that were not tuned on.{end}"
+    return f"tuned is {_listed(told)}, {result.where}.{end}"
 
 
 def _listed(told: list[str]) -> str:
@@ -94,10 +94,10 @@ def _columns(result: TuningResult) -> list[Column]:
         Column("objective", "tuned is", gain, str, "gain"),
         column("edge off", "px", lambda one: one.edge_px, significant),
         column("milliseconds", "median", lambda one: 1e3 * one.seconds, significant),
-        column("milliseconds", "interval", lambda one: _range(seconds_of(one), 1e3), str),
+        column("milliseconds", "interval", lambda one: _range(one.whole.total, 1e3), str),
         column("x rays", "median", lambda one: one.ratio.value, significant),
         column("x rays", "interval", lambda one: _range(one.ratio), str),
-        column("", "MB", lambda one: max(t.bytes for t in one.trials) / MB, significant),
+        column("", "MB", lambda one: one.whole.bytes / MB, significant),
     ]
 
 
@@ -108,7 +108,7 @@ def _range(of: Median, scale: float = 1.0) -> str:
 def _settings_text(result: TuningResult) -> str:
     """The settings in which rivals differ from the default."""
     rivals = result.found.rivals
-    values = {name: tuned_settings(one) for name, one in rivals.items()}
+    values = {name: one.settings for name, one in rivals.items()}
     differ = [
         setting
         for setting in NAMES

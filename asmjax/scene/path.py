@@ -88,16 +88,18 @@ def _row(key: ViewSpec) -> np.ndarray:
 
 def orbit_keys(view: ViewSpec) -> list[ViewSpec]:
     """Key views on an arc of 20 degrees about the target of `view`, around its up vector."""
+    return [turned(view, degrees) for degrees in ORBIT_DEG]
+
+
+def turned(view: ViewSpec, degrees: float) -> ViewSpec:
+    """The view from elsewhere on a circle about its target, around its up vector."""
     eye, target, up = (np.asarray(v, np.float64) for v in (view.origin, view.target, view.up))
     axis, arm = up / np.linalg.norm(up), eye - target
     along = axis * (axis @ arm)
     across, third = arm - along, np.cross(axis, arm)
-    keys = []
-    for degrees in ORBIT_DEG:
-        angle = math.radians(degrees)
-        turned = along + math.cos(angle) * across + math.sin(angle) * third
-        keys.append(replace(view, origin=tuple((target + turned).tolist())))
-    return keys
+    angle = math.radians(degrees)
+    arm = along + math.cos(angle) * across + math.sin(angle) * third
+    return replace(view, origin=tuple((target + arm).tolist()))
 
 
 def aimed_at(view: ViewSpec, distance: float) -> ViewSpec:

@@ -1,4 +1,8 @@
-"""Fitting the surrogate to trials of the real map: Levenberg-Marquardt on logarithms."""
+"""Fitting the surrogate to trials of the real map: its rules, then what they leave.
+
+The rules' numbers are found by Levenberg and Marquardt's method on logarithms; what is left of the
+misfits goes into a correction.
+"""
 
 import functools
 from dataclasses import dataclass
@@ -10,9 +14,11 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from asmjax.numerics import in_float64
+from asmjax.tuning.correction import Correction, fitted_correction, place_of
 from asmjax.tuning.evidence import Evidence
 from asmjax.tuning.goal import LEAST_PX
-from asmjax.tuning.surrogate import Fit, predict
+from asmjax.tuning.space import Space, values_at
+from asmjax.tuning.surrogate import TEMPERATURE, Fit, Rules, predict, rules_of
 
 TRUSTED = 0.25
 """Log misfit of an error beyond which a trial counts in proportion and no longer squared."""
@@ -28,10 +34,17 @@ PRIORS = Fit(
 """Natural logarithm by which a fitted number may stray as easily as a trial by its `TRUSTED`:
 costs are the machine's, the others are known to a factor of two."""
 
-TEMPERATURE = 0.5
-"""Of the decisions while fitting."""
+WIDE = 0.5
+"""Temperature of the first fit, whose decisions still feel what is far from tipping."""
 
-MAX_STEPS = 25
+CLOSE = 1e-3
+"""A fit is at rest when a step changes its numbers, or its misfits, by less than this part."""
+
+MAX_STEPS = 40
+
+ROOM = 64
+"""Trials are filled up to a multiple of this, so that few shapes are ever compiled: one, for as
+many evaluations as are usual."""
 
 
 @dataclass(frozen=True)
@@ -39,13 +52,16 @@ class Calibration:
     """A fit, and how well it explains its trials.
 
     Attributes:
-        fit: float64 numbers.
-        error_misfit, seconds_misfit: median of abs(log(predicted / measured)).
+        fit: float64 numbers of the rules.
+        correction: of what the rules say.
+        error_misfit, seconds_misfit: median of abs(log(predicted / measured)), each trial predicted
+            by a correction that does not know it.
         trials: how many.
-        settled: whether the search came to rest.
+        settled: whether the search for the rules' numbers came to rest.
     """
 
     fit: Fit
+    correction: Correction
     error_misfit: float
     seconds_misfit: float
     trials: int
@@ -61,33 +77,39 @@ class Sample(NamedTuple):
     weight: Float[Array, " k"]
 
 
-ROOM = 20
-"""Trials are filled up to a multiple of this, so that few shapes are ever compiled."""
+def _said(evidence, settings, fit, temperature, rules):
+    """(k,) error and seconds by the rules."""
+
+    def one(settings):
+        said = predict(evidence, settings, fit, temperature, rules)
+        return said.edge_px, said.seconds
+
+    return jax.vmap(one)(settings)
 
 
 @functools.partial(jax.jit, static_argnames="max_steps")
-def _fitted(evidence: Evidence, sample: Sample, start: Fit, believed, max_steps: int = MAX_STEPS):
+def _fitted(
+    evidence: Evidence, sample: Sample, start: Fit, rules: Rules, temperature,
+    max_steps: int = MAX_STEPS,
+):  # fmt: skip
     import optimistix as optx  # 0.3 s: only who tunes pays for it
 
-    def off(fit):
-        def one(settings):
-            said = predict(evidence, settings, fit, TEMPERATURE, believed)
-            return jnp.log(said.edge_px + LEAST_PX), jnp.log(said.seconds)
-
-        error, seconds = jax.vmap(one)(sample.settings)
-        return error - sample.log_error, seconds - sample.log_seconds
-
     def misfits(fit, _):
-        error, seconds = off(fit)
+        edge, seconds = _said(evidence, sample.settings, fit, temperature, rules)
+        error = jnp.log(edge + LEAST_PX) - sample.log_error
+        time = jnp.log(seconds) - sample.log_seconds
         return (
             sample.weight * _forgiving(error / TRUSTED),
-            sample.weight * _forgiving(seconds / TRUSTED_SECONDS),
+            sample.weight * _forgiving(time / TRUSTED_SECONDS),
             jnp.stack(fit) / jnp.asarray(PRIORS),
         )
 
-    solver = optx.LevenbergMarquardt(rtol=1e-5, atol=1e-5)
+    solver = optx.LevenbergMarquardt(rtol=CLOSE, atol=CLOSE)
     found = optx.least_squares(misfits, solver, start, max_steps=max_steps, throw=False)
-    return found.value, *off(found.value), found.result == optx.RESULTS.successful
+    numbers = jnp.all(jnp.isfinite(jnp.stack(found.value)))
+    end = jax.tree.map(lambda end, first: jnp.where(numbers, end, first), found.value, start)
+    said = _said(evidence, sample.settings, end, temperature, rules)
+    return end, jnp.stack(said), numbers & (found.result == optx.RESULTS.successful)
 
 
 def _forgiving(x):
@@ -98,41 +120,55 @@ def _forgiving(x):
 @in_float64
 def calibrated_fit(
     evidence: Evidence,
-    values: dict[str, np.ndarray],
+    space: Space,
+    points: np.ndarray,
     edge_px: np.ndarray,
     seconds: np.ndarray,
-    believed: np.ndarray,
     start: Fit | None = None,
     weight: np.ndarray | None = None,
 ) -> Calibration:
     """The fit to trials of one view.
 
     Args:
-        values: continuous settings (k,) by name, as `asmjax.tuning.space.values_at` gives them.
+        points: (k, knobs) of the box.
         edge_px, seconds: (k,) measured.
-        believed: (2,) seconds per texel and per launch by the map's cost model.
         start: an earlier fit; None for the expected numbers.
         weight: (k,) of the trials; None for equal ones.
     """
     count = len(edge_px)
     room = ROOM * -(-count // ROOM)
+    weight = np.ones(count) if weight is None else weight
 
     def filled(numbers):
         return jnp.asarray(np.pad(np.asarray(numbers, np.float64), (0, room - count), mode="edge"))
 
+    low, high = (end[:, None] for end in space.ends)
     sample = Sample(
-        {name: filled(value) for name, value in values.items()},
+        {name: filled(value) for name, value in values_at(points.T, low, high).items()},
         jnp.log(filled(edge_px) + LEAST_PX),
         jnp.log(filled(seconds)),
-        jnp.asarray(np.pad(np.ones(count) if weight is None else weight, (0, room - count))),
+        jnp.asarray(np.pad(weight, (0, room - count))),
     )
-    first = Fit(*(np.zeros(()) for _ in Fit._fields)) if start is None else start
-    first = Fit(*(jnp.asarray(number) for number in first))
-    fit, error, time, settled = _fitted(evidence, sample, first, jnp.asarray(believed))
+    rules = Rules(*(jnp.asarray(number) for number in rules_of(space.base)))
+    fit = Fit(*(jnp.zeros(()) for _ in Fit._fields)) if start is None else start
+    fit = Fit(*(jnp.asarray(number) for number in fit))
+    if start is None:
+        fit, _, _ = _fitted(evidence, sample, fit, rules, jnp.asarray(WIDE))
+    fit, said, settled = _fitted(evidence, sample, fit, rules, jnp.asarray(TEMPERATURE))
+    edge, time = said[:, :count]
+    misfits = np.stack([
+        np.asarray(sample.log_error[:count] - jnp.log(edge + LEAST_PX)),
+        np.asarray(sample.log_seconds[:count] - jnp.log(time)),
+    ])  # fmt: skip
+    # What is no number says nothing; the fit has not settled then.
+    misfits = np.nan_to_num(misfits, nan=0.0, posinf=0.0, neginf=0.0)
+    places = np.asarray(jax.vmap(place_of)(jnp.asarray(points), edge, time))
+    correction, left = fitted_correction(places, misfits, weight, room)
     return Calibration(
         fit=Fit(*(np.asarray(number) for number in fit)),
-        error_misfit=float(jnp.median(jnp.abs(error[:count]))),
-        seconds_misfit=float(jnp.median(jnp.abs(time[:count]))),
+        correction=correction,
+        error_misfit=float(np.median(np.abs(left[0]))),
+        seconds_misfit=float(np.median(np.abs(left[1]))),
         trials=count,
         settled=bool(settled),
     )

@@ -15,8 +15,9 @@ from asmjax.buffers import Receivers, light_offset, project
 from asmjax.errors import require
 from asmjax.experiment.bench import Bench
 from asmjax.experiment.displacement import truth_edges
-from asmjax.footprint import log2_m, uv_jacobian
+from asmjax.footprint import uv_jacobian
 from asmjax.shadow import AdaptiveShadowMap
+from asmjax.shadow.adaptive.look import MEASURES
 from asmjax.shadow.comparison import BIAS
 from asmjax.theory import mean_displacement, texel_edges
 
@@ -43,7 +44,8 @@ class Evidence(eqx.Module):
     """Samples of a view, each standing for as many as all others.
 
     Attributes:
-        log2_ratio: (n,) of edges: log2 of texel / pixel size (m) for one texel per face side.
+        log2_ratio: (n,) of edges: log2 of texel / pixel size, by the map's measure, for one texel
+            per face side.
         spread: (n,) mean displacement of the edge in pixels by texels as large as pixels (M4).
         log_gap: (GAP_STEPS, n) natural logarithm of the distance of casters from receivers, in
             parts of the receiver's depth: the largest within 1, 2, 4, ... pixels of the edge.
@@ -78,7 +80,9 @@ def evidence_of(bench: Bench, reference: AdaptiveShadowMap, seed: int = 0) -> Ev
     """
     eye, frame = bench.eyes[0], bench.frame
     offset = light_offset(eye.points, frame)
-    receivers, jacobian, log2_ratio = _seen(eye.points, eye.camera, frame, offset)
+    receivers, jacobian, log2_ratio = _seen(
+        eye.points, eye.camera, frame, offset, reference.measure
+    )  # fmt: skip
     facing = np.asarray(receivers.facing)
     counted = np.asarray(eye.valid) & facing
     edges = truth_edges(bench.truth, eye, counted)
@@ -113,10 +117,10 @@ def evidence_of(bench: Bench, reference: AdaptiveShadowMap, seed: int = 0) -> Ev
 
 
 @eqx.filter_jit
-def _seen(points, camera, frame, offset) -> tuple[Receivers, Array, Array]:
+def _seen(points, camera, frame, offset, measure: str) -> tuple[Receivers, Array, Array]:
     receivers = project(points, frame, offset)
     jacobian = uv_jacobian(points, camera, frame, receivers)
-    return receivers, jacobian, log2_m(jacobian, 1)
+    return receivers, jacobian, MEASURES[measure](points, camera, frame, receivers)
 
 
 def _spread(order: np.ndarray, weight: np.ndarray, generator: np.random.Generator) -> np.ndarray:

@@ -1,17 +1,16 @@
 """How the best settings move with the price: sensitivity, and a front by continuation."""
 
-from collections.abc import Sequence
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from scipy.stats import qmc
 
 from asmjax.numerics import in_float64
 from asmjax.tuning.goal import Goal
 from asmjax.tuning.result import FrontPoint, Sensitivity
 from asmjax.tuning.search import (
-    TEMPERATURE,
+    REST,
     Model,
     boxed,
     loss,
@@ -21,6 +20,7 @@ from asmjax.tuning.search import (
     unboxed,
 )
 from asmjax.tuning.space import NAMES, values_at
+from asmjax.tuning.surrogate import TEMPERATURE
 
 SPAN = 4.0
 """The front goes from the price / this to the price * this."""
@@ -32,15 +32,24 @@ FLAT = 1e-3
 """Directions in which the objective bends less than this part of the most do not move: settings
 that do nothing there have no best value."""
 
+STARTS = 3
+"""Of the searches at each price, with and besides continuation."""
+
+SCREENED = 512
+"""Random points of which those searches start from the best."""
+
+STILL = (TEMPERATURE,)
+"""Temperatures of all searches here, which keep them in the valleys where they begin."""
+
 
 @eqx.filter_jit
 def _bends(model, log_price, free, temperature):
     def at(free, log_price):
         return loss(model, "price", log_price, boxed(free), temperature)
 
-    bend = jax.hessian(at)(free, log_price)
-    pull = jax.jacfwd(jax.grad(at), argnums=1)(free, log_price)
-    return bend, pull
+    slope = jax.grad(at)
+    bend, pull = jax.jacfwd(slope, argnums=(0, 1))(free, log_price)
+    return slope(free, log_price), bend, pull
 
 
 @eqx.filter_jit
@@ -56,72 +65,116 @@ def _moves(model, free, step, temperature):
 
 
 @in_float64
-def direction(model: Model, price: float, point: np.ndarray) -> np.ndarray:
-    """d free / d log price (knobs,) at an optimum, by the implicit function theorem.
+def direction(model: Model, price: float, point: np.ndarray) -> tuple[np.ndarray, bool]:
+    """d free / d log price (knobs,) at an optimum, by the implicit function theorem; and whether
+    it is one.
 
     Where the gradient G(x, p) of the loss is 0, dx/dp = -H^-1 dG/dp with the Hessian H; of its
     eigenvectors only those count along which the loss bends upwards and not too little (`FLAT`).
     """
     free = jnp.asarray(unboxed(point))
-    bend, pull = _bends(model, jnp.log(jnp.asarray(price)), free, jnp.asarray(TEMPERATURE))
-    bend, pull = np.asarray(bend, np.float64), np.asarray(pull, np.float64)
+    found = _bends(model, jnp.log(jnp.asarray(price)), free, jnp.asarray(TEMPERATURE))
+    slope, bend, pull = (np.asarray(part, np.float64) for part in found)
+    if not all(np.isfinite(part).all() for part in (slope, bend, pull)):
+        return np.zeros_like(pull), False
     values, vectors = np.linalg.eigh(0.5 * (bend + bend.T))
-    firm = values > FLAT * max(values.max(), 1e-12)
-    return -vectors[:, firm] @ ((vectors[:, firm].T @ pull) / values[firm])
+    least = FLAT * max(values.max(), 1e-12)
+    firm = values > least
+    step = -vectors[:, firm] @ ((vectors[:, firm].T @ pull) / values[firm])
+    return step, bool(np.linalg.norm(slope) < REST and values.min() > -least)
 
 
 @in_float64
 def sensitivity(model: Model, price: float, point: np.ndarray) -> Sensitivity:
     """How the best settings move with the price, at the optimum `point` (knobs,) for it."""
     free = jnp.asarray(unboxed(point))
-    step = jnp.asarray(direction(model, price, point))
-    moved, log_edge, log_seconds = _moves(model, free, step, jnp.asarray(TEMPERATURE))
+    step, settled = direction(model, price, point)
+    moved, log_edge, log_seconds = _moves(
+        model, free, jnp.asarray(step), jnp.asarray(TEMPERATURE)
+    )  # fmt: skip
     width = np.log(np.asarray(model.high) / np.asarray(model.low))
     return Sensitivity(
         price=price,
         log_settings=dict(zip(NAMES, (np.asarray(moved) * width).tolist(), strict=True)),
         log_edge=float(log_edge),
         log_seconds=float(log_seconds),
+        settled=settled,
     )
 
 
 @in_float64
 def trace_front(
-    model: Model, price: float, point: np.ndarray, others: Sequence[np.ndarray]
+    model: Model, price: float, tried: np.ndarray, seed: int = 0
 ) -> tuple[Sensitivity, tuple[FrontPoint, ...]]:
-    """The front about a price, from its optimum `point` outwards and back again; and how the best
-    settings move with the price there.
+    """The front about a price, from its optimum outwards and back again; and how the best settings
+    move with the price there.
 
-    Each next optimum is predicted by the last one's sensitivity and corrected by a search from
-    there. On the way back neighbours take over where they are better: a curve may fold.
+    Each next optimum is predicted by the last one's sensitivity and corrected by searches, from
+    there and from the best known points for its price. On the way back neighbours take over where
+    they are better: a curve may fold. In the end each is compared with searches from points that
+    the curve knows nothing of, and where those are better they stand in its place.
 
     Args:
-        others: (knobs,) starts of a second search at each price, with which the curve is compared.
+        tried: (k, knobs) points that may be good.
+        seed: of random points.
     """
     prices = price * np.geomspace(1 / SPAN, SPAN, POINTS)
-    middle = POINTS // 2
+    drawn = qmc.Sobol(len(NAMES), seed=seed)  # pyright: ignore[reportCallIssue]
+    own, others = drawn.random(SCREENED), drawn.random(SCREENED)
+    known = _Screened(model, np.concatenate([tried, own]))
+    curve = _curve(model, prices, known)
+    elsewhere = _Screened(model, others)
+    front = [
+        _front_point(model, float(price), *curve[k], elsewhere) for k, price in enumerate(prices)
+    ]
+    return sensitivity(model, price, curve[POINTS // 2][0]), tuple(front)
+
+
+class _Screened:
+    """Points (k, knobs), and what the surrogate says of them."""
+
+    def __init__(self, model: Model, points: np.ndarray):
+        self.points, self.said = points, said_of(model, points)
+
+    def best(self, price: float) -> list[np.ndarray]:
+        """The best for a price."""
+        objective = self.said[0] + price * self.said[1]
+        return [*self.points[np.argsort(objective, kind="stable")[:STARTS]]]
+
+
+def _curve(
+    model: Model, prices: np.ndarray, known: _Screened
+) -> dict[int, tuple[np.ndarray, float]]:
+    """Optima and their log objectives by the number of their price, by continuation."""
+    middle = len(prices) // 2
     curve: dict[int, tuple[np.ndarray, float]] = {}
-    out = [*range(middle, POINTS), *range(middle - 1, -1, -1)]
-    # Out to either end from the middle, then all the way back and forth.
-    walk = [(k, k - (k > middle) + (k < middle)) for k in out]
-    walk += [(k, k - 1) for k in range(1, POINTS)] + [(k, k + 1) for k in range(POINTS - 2, -1, -1)]
-    for k, beside in walk:
-        here, last = (curve[beside][0], prices[beside]) if beside in curve else (point, price)
-        ahead = here
-        if prices[k] != last and k not in curve:
-            step = np.log(prices[k] / last)
-            ahead = np.asarray(boxed(unboxed(here) + step * direction(model, last, here)))
-        found = search(model, Goal(price=float(prices[k])), [ahead])
+
+    def correct(k: int, starts: list[np.ndarray]) -> None:
+        found = search(model, Goal(price=float(prices[k])), starts, STILL)
         if k not in curve or found.losses[0] < curve[k][1]:
             curve[k] = found.points[0], float(found.losses[0])
-    front = [_front_point(model, float(prices[k]), *curve[k], others) for k in range(POINTS)]
-    return sensitivity(model, price, curve[middle][0]), tuple(front)
+
+    # Out to either end from the middle, then all the way back and forth.
+    correct(middle, known.best(prices[middle]))
+    for k in (*range(middle + 1, len(prices)), *range(middle - 1, -1, -1)):
+        beside = k - 1 if k > middle else k + 1
+        here, ratio = curve[beside][0], np.log(prices[k] / prices[beside])
+        step, _ = direction(model, float(prices[beside]), here)
+        predicted = np.asarray(boxed(unboxed(here) + ratio * step))
+        correct(k, [predicted, *known.best(prices[k])])
+    back_and_forth = [(k, k - 1) for k in range(1, len(prices))]
+    back_and_forth += [(k, k + 1) for k in range(len(prices) - 2, -1, -1)]
+    for k, beside in back_and_forth:
+        correct(k, [curve[beside][0]])
+    return curve
 
 
 def _front_point(
-    model: Model, price: float, point: np.ndarray, loss: float, others: Sequence[np.ndarray]
+    model: Model, price: float, point: np.ndarray, loss: float, elsewhere: _Screened
 ) -> FrontPoint:
-    again = search(model, Goal(price=price), others)
+    again = search(model, Goal(price=price), elsewhere.best(price), STILL)
+    if again.losses[0] < loss:
+        point = again.points[0]
     edge, seconds = said_of(model, point[None])[:, 0]
     values = values_at(point, np.asarray(model.low), np.asarray(model.high))
     return FrontPoint(

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from asmjax.experiment.clock import Median, median_of
+from asmjax.experiment.clock import Median
 from asmjax.experiment.trial import Trial
 from asmjax.shadow import AdaptiveShadowMap
 from asmjax.tuning.calibrate import Calibration
 from asmjax.tuning.goal import Goal
-from asmjax.tuning.space import Space
+from asmjax.tuning.space import NAMES, Space
 
 
 class Outcome(Enum):
@@ -23,8 +23,12 @@ class Outcome(Enum):
     NOT_MET = "no settings met the limit: see the nearest ones, and loosen the limit"
     TIME_SPENT = "the time given was spent: the best so far; give more --minutes, or run it again"
     UNSETTLED = (
-        "the search did not come to rest: the settings are measured all the same; give more "
-        "--evaluations"
+        "the surrogate's fit or search did not come to rest: the settings are measured all the "
+        "same; give more --evaluations"
+    )
+    INTERRUPTED = (
+        "interrupted: the best so far, by one measurement on the views tuned on, was not measured "
+        "on others; run it again to go on"
     )
 
 
@@ -33,35 +37,38 @@ class Candidate:
     """Settings, as measured.
 
     Attributes:
-        role: "default", "sample" (drawn at random), "grid", "surrogate" or "neighbour".
+        role: "default", "sample" or "random" (drawn), "grid", "surrogate" or "neighbour".
         point: (knobs,) in the unit box.
         algorithm: with the settings.
         trials: one for each view.
+        whole: of all views together, as `asmjax.experiment.comparison.pooled`.
     """
 
     role: str
     point: np.ndarray
     algorithm: AdaptiveShadowMap
     trials: tuple[Trial, ...]
+    whole: Trial
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """Those of its settings that are tuned, by name."""
+        return {name: getattr(self.algorithm, name) for name in NAMES}
 
     @property
     def edge_px(self) -> float:
-        """Wrong pixels per pixel of edge, the mean over the views."""
-        return sum(trial.edge_px for trial in self.trials) / len(self.trials)
+        """Wrong pixels per pixel of edge."""
+        return self.whole.edge_px
 
     @property
     def seconds(self) -> float:
-        """From nothing, the mean of the views' medians."""
-        return sum(trial.total.value for trial in self.trials) / len(self.trials)
+        """From nothing: the median over turns, each the mean of its views."""
+        return self.whole.total.value
 
     @property
     def ratio(self) -> Median:
-        """Its time / the yardstick's, over all turns of all views."""
-        return median_of([
-            mine / ray
-            for trial in self.trials
-            for mine, ray in zip(trial.totals, trial.yardstick, strict=True)
-        ])  # fmt: skip
+        """Its time / the yardstick's, turn by turn."""
+        return self.whole.ratio
 
     def objective(self, goal: Goal) -> float:
         """As measured; infinite where a limit is not met."""
@@ -74,13 +81,14 @@ class Candidate:
 
 @dataclass(frozen=True)
 class FrontPoint:
-    """A point of the front that the surrogate traces.
+    """A point of the front that the surrogate traces: the best that is known for its price.
 
     Attributes:
         price: of a second, pixels of edge displacement.
         settings: continuous, by name.
-        edge_px, seconds: by the surrogate, along the curve.
-        loss, loss_again: log objective of the curve, and of a search from other starts.
+        edge_px, seconds: by the surrogate.
+        loss: log objective of the curve by continuation.
+        loss_again: log objective of a search from elsewhere; where it is less, this point is its.
     """
 
     price: float
@@ -95,6 +103,11 @@ class FrontPoint:
         """By how much the curve's objective is above that of the other search, a fraction."""
         return float(np.expm1(self.loss - self.loss_again))
 
+    @property
+    def taken_over(self) -> bool:
+        """Whether the other search was better, so that the curve has missed a fold."""
+        return self.loss_again < self.loss
+
 
 @dataclass(frozen=True)
 class Sensitivity:
@@ -104,12 +117,15 @@ class Sensitivity:
         price: where.
         log_settings: d log(setting) / d log(price) by name; 0 at an end of its range.
         log_edge, log_seconds: the same of error and time.
+        settled: whether the point is a least one: the objective is at rest there and bends upwards.
+            Elsewhere the derivatives mean little.
     """
 
     price: float
     log_settings: dict[str, float]
     log_edge: float
     log_seconds: float
+    settled: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,15 +135,16 @@ class TuneResult:
     Attributes:
         scene: its name.
         goal, space: what was asked, and where it was searched.
-        views, held_out: names of the views that were tuned on, and of those that chose.
+        views, held_out: names of the views that were tuned on, and of those that choose.
         outcome, advice: how it ended, and what to do about it in words ("" for nothing).
-        default, tuned, grid_best, random_best: on the held-out views. The last three are each the
-            best of `finalists` of their kind; None where nothing of a kind was measured.
-        finalists: all that were measured on the held-out views.
+        default, tuned, grid_best, random_best: on the views that chose. The last three are each
+            the best of `finalists` of their kind; None where nothing of a kind was measured.
+        finalists: all that were measured on the views that chose.
         tried: all that were measured on the views tuned on, in order.
         calibrations: of the surrogate, by view.
         said: (2, tried) edge_px and seconds by the surrogate's last fit, for each of `tried`.
-        rank_correlation: Spearman's, of the surrogate's objective with the real one over `tried`.
+        rank_correlation: Spearman's, of the surrogate's objective with the real one over those of
+            `tried` that it was not fitted to; not a number where they are all equal or too few.
         sensitivity, front: of the surrogate; None and empty where the goal has no price.
         evaluations: real maps that the search could spend, the samples among them.
         reused: trials that an earlier run had measured.
@@ -160,7 +177,12 @@ class TuneResult:
     @property
     def settings(self) -> dict[str, Any]:
         """The tuned settings by name."""
-        return self.space.settings(self.tuned.point)
+        return self.tuned.settings
+
+    @property
+    def chosen_on(self) -> tuple[str, ...]:
+        """Names of the views by which was chosen: those held out, unless they were not got to."""
+        return tuple(trial.view for trial in self.tuned.trials)
 
     @property
     def rivals(self) -> dict[str, Candidate]:

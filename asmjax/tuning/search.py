@@ -10,22 +10,25 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from asmjax.numerics import in_float64
+from asmjax.tuning.calibrate import Calibration
+from asmjax.tuning.correction import Correction, corrected
 from asmjax.tuning.evidence import Evidence
 from asmjax.tuning.goal import Goal, smooth_objective
-from asmjax.tuning.space import Space, node_cost, values_at
-from asmjax.tuning.surrogate import Fit, predict
+from asmjax.tuning.space import Space, values_at
+from asmjax.tuning.surrogate import TEMPERATURE, Fit, Rules, predict, rules_of
 
-TEMPERATURES = (1.0, 0.5, 0.25)
-"""Of the relaxed decisions, one search after the other."""
-
-TEMPERATURE = TEMPERATURES[-1]
-"""At which the surrogate speaks in the end."""
+TEMPERATURES = (1.0, 0.5, TEMPERATURE)
+"""Of the relaxed decisions, one search after the other; the surrogate's own is the last."""
 
 STEPS = 40
 """Of BFGS at each temperature."""
 
 EDGE = 4.0
-"""Unconstrained numbers end here: 0.982 of the way to either end of the box."""
+"""Unconstrained numbers act as if they ended here, where 0.982 of the way to an end of the box is
+made. The last bit is left out: there a search would creep, and an end itself is tried as such."""
+
+INNERMOST = 1e-3
+"""How far from `EDGE`, in parts of it, `unboxed` keeps points at or beyond the ends."""
 
 ROOM = 128
 """Points that are asked about in one call."""
@@ -40,28 +43,36 @@ class Model(NamedTuple):
 
     Attributes:
         evidence: of the views.
-        fits: one for each.
+        fits, corrections: one for each.
+        shares: (views,) of all edges, by which errors count.
         low, high: (knobs,) ends of the ranges that the box stands for.
-        believed: (2,) seconds per texel and per launch by the map's cost model.
+        rules: that the map goes by.
     """
 
     evidence: tuple[Evidence, ...]
     fits: tuple[Fit, ...]
+    corrections: tuple[Correction, ...]
+    shares: Float[Array, " views"]
     low: Float[Array, " knobs"]
     high: Float[Array, " knobs"]
-    believed: Float[Array, "2"]
+    rules: Rules
 
 
 @in_float64
-def model_of(evidence: Sequence[Evidence], fits: Sequence[Fit], space: Space) -> Model:
+def model_of(
+    evidence: Sequence[Evidence], calibrations: Sequence[Calibration], space: Space
+) -> Model:
     """The surrogate of some views over a space."""
     low, high = space.ends
+    edges = np.array([float(one.edges) for one in evidence])
     return Model(
         tuple(evidence),
-        tuple(fits),
+        tuple(one.fit for one in calibrations),
+        tuple(one.correction for one in calibrations),
+        jnp.asarray(edges / edges.sum()),
         jnp.asarray(low),
         jnp.asarray(high),
-        jnp.asarray(node_cost(space.base)),
+        Rules(*(jnp.asarray(number) for number in rules_of(space.base))),
     )
 
 
@@ -80,14 +91,16 @@ class Found(NamedTuple):
 
 
 def said(model: Model, point: Float[Array, " knobs"], temperature):
-    """Mean (edge_px, seconds) of the views at a point of the box; differentiable."""
+    """(edge_px, seconds) of all views together at a point of the box; differentiable."""
     values = values_at(point, model.low, model.high)
-    each = [
-        predict(evidence, values, fit, temperature, model.believed)
-        for evidence, fit in zip(model.evidence, model.fits, strict=True)
-    ]
-    edge, seconds, _ = jax.tree.map(lambda *views: sum(views) / len(views), *each)
-    return edge, seconds
+    each = []
+    for evidence, fit, correction in zip(
+        model.evidence, model.fits, model.corrections, strict=True
+    ):
+        rules = predict(evidence, values, fit, temperature, model.rules)
+        each.append(corrected(correction, point, rules.edge_px, rules.seconds))
+    edges, seconds = zip(*each, strict=True)
+    return model.shares @ jnp.stack(edges), sum(seconds) / len(seconds)
 
 
 def loss(model: Model, kind: str, log_value, point, temperature):
@@ -96,32 +109,30 @@ def loss(model: Model, kind: str, log_value, point, temperature):
 
 
 def unboxed(point):
-    """Unconstrained numbers of points strictly within the box."""
-    point = np.clip(point, 1 / (1 + np.exp(EDGE)), 1 / (1 + np.exp(-EDGE)))
-    return np.log(point / (1 - point))
+    """Unconstrained numbers of points of the box: the inverse of `boxed`, up to where that ends."""
+    point = np.clip(point, 1e-9, 1 - 1e-9)
+    bent = np.log(point / (1 - point)) / EDGE
+    return EDGE * np.arctanh(np.clip(bent, INNERMOST - 1, 1 - INNERMOST))
 
 
 def boxed(free):
-    """Points of the box of unconstrained numbers."""
+    """Points of the box, between 0.018 and 0.982, of unconstrained numbers."""
     return jax.nn.sigmoid(EDGE * jnp.tanh(free / EDGE))
 
 
 @eqx.filter_jit
-def _descend(model, kind: str, log_value, start, temperatures, steps: int):
+def _descend(model, kind: str, log_value, start, temperature, steps: int):
+    """Where a search at one temperature ends, the loss there, and how steep it is."""
     import optimistix as optx  # 0.3 s: only who tunes pays for it
 
     solver = optx.BFGS(rtol=1e-4, atol=1e-4)
 
-    def at(free, temperature):
+    def at(free, _):
         return loss(model, kind, log_value, boxed(free), temperature)
 
-    def cooler(free, temperature):
-        found = optx.minimise(at, solver, free, args=temperature, max_steps=steps, throw=False)
-        better = at(found.value, temperature) <= at(free, temperature)
-        return jnp.where(better, found.value, free), None
-
-    end, _ = jax.lax.scan(cooler, start, temperatures)
-    value, slope = jax.value_and_grad(at)(end, temperatures[-1])
+    found = optx.minimise(at, solver, start, max_steps=steps, throw=False)
+    end = jnp.where(at(found.value, None) <= at(start, None), found.value, start)
+    value, slope = jax.value_and_grad(at)(end, None)
     return end, value, jnp.linalg.norm(slope)
 
 
@@ -132,30 +143,35 @@ def search(
     starts: Sequence[np.ndarray],
     temperatures: Sequence[float] = TEMPERATURES,
 ) -> Found:
-    """Search from each start (knobs,); ends that are no number are left out."""
-    cooling = jnp.asarray(temperatures)
-    ends = [
-        _descend(
-            model, goal.kind, jnp.log(goal.value), jnp.asarray(unboxed(start)), cooling, STEPS
-        )
-        for start in starts
-    ]  # fmt: skip
+    """Search from each start (knobs,). An end where the objective is no number comes last, with a
+    loss of infinity, and is not settled."""
+    log_value = jnp.log(goal.value)
+    ends = []
+    for start in starts:
+        end = jnp.asarray(unboxed(start)), None, None
+        for temperature in temperatures:
+            end = _descend(model, goal.kind, log_value, end[0], jnp.asarray(temperature), STEPS)
+        ends.append(end)
     free, losses, slopes = (np.stack([np.asarray(end[k]) for end in ends]) for k in range(3))
-    order = np.argsort(np.where(np.isfinite(losses), losses, np.inf), kind="stable")
-    order = order[np.isfinite(losses[order])]
-    points = np.asarray(boxed(free[order]))
-    return Found(points, losses[order], slopes[order] < REST)
+    losses = np.where(np.isfinite(losses), losses, np.inf)
+    order = np.argsort(losses, kind="stable")
+    settled = np.isfinite(losses) & (slopes < REST)
+    return Found(np.asarray(boxed(free[order])), losses[order], settled[order])
 
 
 @eqx.filter_jit
 def _said_of(model, points, temperature):
-    return jax.lax.map(lambda point: jnp.stack(said(model, point, temperature)), points)
+    return jax.vmap(lambda point: jnp.stack(said(model, point, temperature)))(points)
 
 
 @in_float64
 def said_of(model: Model, points: np.ndarray) -> np.ndarray:
     """(2, k) edge_px and seconds at points (k, knobs)."""
-    # Filled up, so that few shapes are ever compiled.
-    count = len(points)
+    # Filled up, and never more at once, so that one shape is ever compiled.
+    count, temperature = len(points), jnp.asarray(TEMPERATURE)
     padded = np.pad(points, ((0, -count % ROOM), (0, 0)), mode="edge")
-    return np.asarray(_said_of(model, jnp.asarray(padded), jnp.asarray(TEMPERATURE)))[:count].T
+    parts = [
+        np.asarray(_said_of(model, jnp.asarray(part), temperature))
+        for part in padded.reshape(-1, ROOM, points.shape[1])
+    ]
+    return np.concatenate(parts)[:count].T

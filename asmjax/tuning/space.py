@@ -187,7 +187,8 @@ def space_of(base: AdaptiveShadowMap, faces: int, seconds: float) -> Space:
         Knob("memory_bytes", possible[0], possible[-1], "memory limit, bytes", steps=possible),
         Knob("time_limit", 0.1 * seconds, 3 * seconds, "time limit, seconds", off=(1, None)),
     )
-    return Space(replace(base, time_limit=None), knobs)
+    # What was fit for the default's nodes may not be for all that are tried.
+    return Space(replace(base, time_limit=None, start_resolution=None), knobs)
 
 
 def node_cost(base: AdaptiveShadowMap) -> np.ndarray:

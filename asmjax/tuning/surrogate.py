@@ -23,8 +23,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from asmjax.shadow import AdaptiveShadowMap
 from asmjax.shadow.comparison import texel_bytes
 from asmjax.tuning.evidence import LEAST_SPAN, Evidence, Numbers
+from asmjax.tuning.space import node_cost
+
+TEMPERATURE = 0.25
+"""Width of its decisions, in factors of 2, where the surrogate is fitted, asked and shown. Searches
+begin with wider ones."""
 
 RUNGS = 6
 """Passes along edges, at most: from matched texels 2^-10 is reached by the smallest steps."""
@@ -111,6 +117,28 @@ COSTS = Costs()
 """The expected ones."""
 
 
+class Rules(NamedTuple):
+    """What the map goes by besides the settings that are tuned; () each.
+
+    Attributes:
+        per_texel, launch: seconds by its cost model, by which it weighs benefits and keeps to
+            limits of time.
+        texel_bytes: of one texel.
+        cover: 1 where it refines where no edge was seen too, else 0.
+    """
+
+    per_texel: Number
+    launch: Number
+    texel_bytes: Number
+    cover: Number
+
+
+def rules_of(base: AdaptiveShadowMap) -> Rules:
+    """The rules of maps that differ from `base` in what is tuned only; it has a cost model."""
+    per_texel, launch = node_cost(base)
+    return Rules(per_texel, launch, float(texel_bytes(base.compare)), float(base.cover))
+
+
 class Predicted(NamedTuple):
     """What the surrogate says; () each.
 
@@ -130,37 +158,37 @@ def predict(
     settings: dict[str, Array],
     fit: Fit,
     temperature: float | Array,
-    believed: Float[Array, "2"],
+    rules: Rules,
     costs: Costs = COSTS,
 ) -> Predicted:
-    """Error and seconds of a map with continuous settings (`Space.values`).
+    """Error and seconds of a map with continuous settings (`asmjax.tuning.space.values_at`).
 
     Args:
         temperature: width of decisions, in factors of 2.
-        believed: (2,) seconds per texel and per launch by the map's own cost model, by which it
-            weighs benefits and keeps to limits of time.
+        rules: that the map goes by.
     """
     t = temperature
     log2 = {name: jnp.log2(value) for name, value in settings.items()}
     target, node, cells = log2["ratio_target"], log2["node_resolution"], log2["cells"]
     finest = _least(log2["finest_ratio"], target, t)
     side = settings["node_resolution"] + 2
-    page = side**2 * texel_bytes("both") + PAGE_OVERHEAD
+    page = side**2 * rules.texel_bytes + PAGE_OVERHEAD
     pages = settings["memory_bytes"] / page
     # Where memory is little, fewer texels to start with: a power of two, a quarter of the pages.
     most = node + 0.5 * (jnp.log2(pages / evidence.faces) - 2)
     start = _least(START_LOG2, most - 0.4, t)
     pages = pages * jnp.exp(fit.memory + (fit.tables - TABLES) * (cells - 1))
     roots = evidence.faces * jnp.exp2(2 * (start - node))
-    # Nodes that help few pixels may not be worth their cost.
-    per_texel, launch = believed
-    asked = settings["least_profit"] * (per_texel * 4**node + launch) - 0.5
-    asked = jnp.log2(_above(asked, 0.2) * jnp.exp(fit.profit))
     discontinuity = jnp.log(settings["discontinuity"])
 
-    def nodes_of(count):
-        """Part of the nodes made over (n,) crowds of so many asking pixels each, and part of those
-        pixels that get one."""
+    def nodes_of(count, size, weight=1.0):
+        """Part of the nodes made over (n,) crowds of so many asking pixels each, which stand for
+        `weight` pixels, and part of those pixels that get one. Nodes have texels of log2 `size`
+        (n,) beside a pixel's: the coarser, the more texels pixels there ask for."""
+        # Nodes that help few pixels may not be worth their cost.
+        seconds = rules.per_texel * jnp.exp2(2 * (node + size)) + rules.launch
+        asked = settings["least_profit"] * seconds / weight - 0.5
+        asked = jnp.log2(_above(asked, 0.2) * jnp.exp(fit.profit))
         occupied = 1 - jnp.exp(-count)
         worth = jax.nn.sigmoid((jnp.log2(count / occupied) - asked) / t)
         return occupied * worth, worth
@@ -178,16 +206,18 @@ def predict(
     log_all, log_crowd = jnp.log(evidence.all_crowd), jnp.log(evidence.crowd)
     level = up(evidence.all_log2_ratio - coarse - start)
     crowd = jnp.exp(_between(log_all, start + cells * level - node))
-    part, _ = nodes_of(crowd / settings["pixel_share"])
-    covering = evidence.receivers * jnp.mean(made_at(0.0, level) * part / crowd)
+    size = evidence.all_log2_ratio - start - cells * level
+    share = settings["pixel_share"]
+    part, _ = nodes_of(crowd / share, size, share)
+    covering = rules.cover * evidence.receivers * jnp.mean(made_at(0.0, level) * part / crowd)
     # It may take a quarter of what the first texels leave.
     room = _above(pages / roots - 1, 0.05) * roots * COVER_SHARE
-    covers = 1 / (1 + (covering / room) ** 4) ** 0.25
+    covers = rules.cover / (1 + (covering / room) ** 4) ** 0.25
     covering = covering * covers
 
     # Then along the edges: texels that match, and from there pass by pass to the finest.
     begun = evidence.log2_ratio - start
-    covered = up(begun - coarse)
+    covered = rules.cover * up(begun - coarse)
     same = jnp.ones_like(begun)
 
     def goal(ratio):
@@ -206,14 +236,15 @@ def predict(
         """Nodes along all edges at `level` (n,) below `parent`, and the part (n,) that has them."""
         size = begun - cells * parent
         texel = jnp.exp2(size + fit.reach / LN2)
-        width = jnp.exp2(begun - cells * level + node)
+        finer = begun - cells * level
+        width = jnp.exp2(finer + node)
         # Casters as far off as texels of that size show them.
         gap = _between(evidence.log_gap, size) - steep * _above(-size, t) + fit.gap
         far_off = jax.nn.sigmoid((gap - discontinuity) / (0.7 * t))
         # Pixels that straddle, per pixel of edge: a band of the parent's texels in the node.
         band = 2 * texel / (1 + 2 * texel / width)
         crowd = jnp.exp(_between(log_crowd, start + cells * level - node))
-        part, worth = nodes_of(crowd * band)
+        part, worth = nodes_of(crowd * band, finer)
         share = made_at(parent, level)
         nodes = far_off * share * part / crowd * (1 + 2 * texel / width)
         return evidence.edges * jnp.mean(nodes), far_off * worth, jnp.mean(share)
@@ -236,7 +267,7 @@ def predict(
     # The map keeps time for another look, and for launches as slow as the slowest one.
     before = jnp.cumsum(spent) - spent + 2 * looking
     left = settings["time_limit"] - before
-    reckoned = SLOWER * jnp.exp(fit.hurry) * (per_texel * side**2 * made + launch)
+    reckoned = SLOWER * jnp.exp(fit.hurry) * (rules.per_texel * side**2 * made + rules.launch)
     time = _within(left / (reckoned + 1e-4), t)
     # The first texels are there whatever the limits say.
     done = (room * time).at[0].set(1.0)

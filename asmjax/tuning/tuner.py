@@ -1,11 +1,13 @@
 """Tuning on the real map: a surrogate proposes, measurements decide.
 
-1. Settings drawn at random are measured on the views; the surrogate is fitted to some of them.
+1. Settings drawn at random are measured on the views, and the surrogate is fitted to them.
 2. The surrogate is minimised from several starts; what it proposes is measured, the fit is made
    again with that, and once more.
 3. Neighbours of the best so far are measured, those first that the surrogate prefers.
 4. The best few are measured on other views, in turns, beside the best of a grid and of a random
    search with as many measurements; what is best there is chosen.
+
+The grid and the rest of the random search are measured after step 3, which knows nothing of them.
 """
 
 import time
@@ -17,42 +19,37 @@ from scipy.stats import qmc, spearmanr
 from asmjax.errors import require
 from asmjax.experiment.bench import Bench
 from asmjax.experiment.ledger import Ledger
-from asmjax.experiment.methods import settings_of
 from asmjax.shadow import AdaptiveShadowMap
 from asmjax.tuning.calibrate import Calibration, calibrated_fit
 from asmjax.tuning.evidence import Evidence, evidence_of
 from asmjax.tuning.front import trace_front
-from asmjax.tuning.goal import Goal
-from asmjax.tuning.result import Candidate, Outcome, TuneResult, best_of
+from asmjax.tuning.goal import LEAST_PX, Goal
+from asmjax.tuning.proposals import around, at_ends, distinct, extremes, preferred, promising
+from asmjax.tuning.result import Candidate, FrontPoint, Outcome, Sensitivity, TuneResult, best_of
 from asmjax.tuning.search import Model, model_of, said_of, search
-from asmjax.tuning.space import NAMES, node_cost, space_of, values_at
+from asmjax.tuning.space import NAMES, Space, space_of
+from asmjax.tuning.tried import RIVALS, Tried, candidate, settings_key
 
-SAMPLES = 20
-"""Of the evaluations, those drawn at random that the surrogate is fitted to."""
+SAMPLES = 40
+"""Of the evaluations, those drawn at random that the surrogate is fitted to first."""
 
 SAMPLED_STEPS = 8
 """Combinations of steps that are drawn, balanced: each has programs of its own to compile."""
 
-PROPOSALS = 4
-"""Settings that the surrogate proposes and that are measured, in each of two rounds."""
+ROUNDS, PROPOSALS = 2, 5
+"""Rounds of searching, and settings that each proposes and that are measured."""
 
-LEAST_EVALUATIONS = SAMPLES + 2 * PROPOSALS
+LEAST_EVALUATIONS = SAMPLES + ROUNDS * PROPOSALS
 """Fewer leave nothing for neighbours."""
 
-STARTS = 4
-"""Of each search on the surrogate: the best measured so far."""
+STARTS = 3
+"""Of each search: of the best measured, and of the best by the surrogate."""
 
-FINALISTS = {"tuned": 4, "grid": 2, "random": 2}
-"""Of each kind, how many are measured on the held-out views."""
+FINALISTS = 3
+"""Of each kind, how many are measured on the held-out views: as many draws for each."""
 
-STEP = (0.12, 0.3)
-"""Of the range of a setting, to its neighbours."""
-
-LEAST_WEIGHT = 0.25
+LEAST_WEIGHT = 0.3
 """Of a trial in the fit, however far from the best."""
-
-STEPS = 7
-"""Steps of progress that `Tuner.run` announces."""
 
 GRID = {
     "finest_ratio": (1 / 64, 1 / 16, 1 / 4, 1.0),
@@ -62,6 +59,13 @@ GRID = {
 }
 """The grid of 32 points that tuned settings are compared with; None is the middle of the range. All
 other settings are the default's."""
+
+
+def steps_of(evaluations: int, held_out: int) -> int:
+    """Steps of progress that `Tuner.run` announces at most: default, everything that is measured,
+    two surrogates, the front, and the held-out views."""
+    grid = int(np.prod([len(values) for values in GRID.values()]))
+    return 2 * evaluations - SAMPLES + grid + 4 + held_out
 
 
 class Tuner:
@@ -76,8 +80,9 @@ class Tuner:
         seed: of the settings drawn at random.
         evaluations: real maps that the search may spend, the samples among them.
         rounds: of the measurements on the held-out views.
-        deadline: `time.perf_counter()` after which nothing new is tried; None for no limit.
-        progress: hears of each of `STEPS` steps.
+        deadline: `time.perf_counter()` after which nothing new is tried; None for no limit. The
+            default, the samples and the held-out views are measured all the same.
+        progress: hears of each step, see `steps_of`.
 
     Raises:
         UseError: too few evaluations, no view, or a view in which no shadow has an edge.
@@ -93,8 +98,8 @@ class Tuner:
         *,
         ledger: Ledger,
         seed: int = 0,
-        evaluations: int = 36,
-        rounds: int = 4,
+        evaluations: int = 60,
+        rounds: int = 5,
         deadline: float | None = None,
         progress: Callable[[str], None] = lambda _: None,
     ):
@@ -116,251 +121,239 @@ class Tuner:
         self.benches, self.held_out = tuple(benches), tuple(held_out)
         self.base, self.ledger = base, ledger
         self.evaluations, self.rounds, self.deadline = evaluations, rounds, deadline
-        self.progress = progress
-        self.tried: list[Candidate] = []
-        self._known: dict[tuple, Candidate] = {}
+        self._progress, self._doing = progress, ""
+        self._cut = False
+        self._settled = True
+        self._evidence: list[Evidence] = []
+        self._kinds: dict[str, list[Candidate]] = {}
+        self._said = np.zeros((2, 0))
+        self._sensitivity: Sensitivity | None = None
+        self._front: tuple[FrontPoint, ...] = ()
         self.calibrations: tuple[Calibration, ...] = ()
 
-    @property
-    def late(self) -> bool:
-        """Whether the time given is spent."""
-        return self.deadline is not None and time.perf_counter() > self.deadline
-
     def run(self) -> TuneResult:
-        """Search, measure, choose. Trouble on the way is the result's `outcome`.
+        """Search, measure, choose. Trouble on the way is the result's `outcome`, an interruption
+        among it once the default has been measured.
 
         Raises:
             UseError: as the constructor, or the memory limit holds no map.
+            KeyboardInterrupt: before there is a result.
         """
-        began, reused = time.perf_counter(), self.ledger.taken
-        self.progress("default settings")
+        self._began, self._reused = time.perf_counter(), self.ledger.taken
+        self._progress("default settings")
         faces = max(bench.frame.faces for bench in (*self.benches, *self.held_out))
         self.base.tree_shape(faces)
-        seconds = self._default_seconds()
-        self.space = space = space_of(self.base, faces, seconds)
-        default = self._measure(space.point(self.base), "default", self.base)
-        self.progress("settings at random")
-        samples = self._at_random()
-        self.progress("surrogate")
-        evidence = [evidence_of(bench, self.base, self.seed) for bench in self.benches]
-        model, settled = self._propose(evidence)
-        self.progress("neighbours")
+        self.space = space_of(self.base, faces, self._default_seconds())
+        self.tried = Tried(self.benches, self.space, self.goal, self.ledger, self._heard)
+        default = self.tried.measure(self.space.point(self.base), "default", self.base)
+        try:
+            self._search()
+            return self._result(default, stopped=False)
+        except KeyboardInterrupt:
+            return self._result(default, stopped=True)
+
+    def _search(self) -> None:
+        """All that is measured on the views tuned on, and what the surrogate says of it."""
+        measure, drawn = self.tried.measure, self._drawn()
+        self._doing = "settings at random"
+        samples = [measure(point, "sample") for point in drawn[:SAMPLES]]
+        self._progress("surrogate")
+        self._evidence = [evidence_of(bench, self.base, self.seed) for bench in self.benches]
+        model = self._propose()
+        self._doing = "neighbours of the best"
         self._neighbours(model)
-        mine = [c for c in self.tried if c.role != "random"]
-        model = self._fit(evidence)
-        self.progress("front")
-        bending, front = self._front(model)
-        self.progress("grid")
-        grid = self._grid()
-        said = said_of(model, np.stack([one.point for one in self.tried]))
-        self.progress("held-out views")
-        chosen = {
-            "tuned": self._first(mine, FINALISTS["tuned"]),
-            "grid": self._first(grid, FINALISTS["grid"]),
-            "random": self._first([*samples], FINALISTS["random"]),
-        }
-        finals = self._finals([default, *(c for some in chosen.values() for c in some)])
-        best = {
-            kind: best_of([finals[_settings_key(c.algorithm)] for c in some], self.goal)
-            for kind, some in chosen.items()
-        }
-        standing = finals[_settings_key(default.algorithm)]
-        tuned = best_of([c for c in (best["tuned"], standing) if c is not None], self.goal)
-        assert tuned is not None
-        outcome = self._outcome(tuned, standing, settled)
-        return TuneResult(
-            scene=self.scene,
-            goal=self.goal,
-            space=space,
-            views=tuple(bench.view for bench in self.benches),
-            held_out=tuple(bench.view for bench in self.held_out),
-            outcome=outcome,
-            advice=self._advice(outcome, tuned),
-            default=standing,
-            tuned=tuned,
-            grid_best=best["grid"],
-            random_best=best["random"],
-            finalists=tuple(finals.values()),
-            tried=tuple(self.tried),
-            calibrations=self.calibrations,
-            said=said,
-            rank_correlation=self._correlation(said),
-            sensitivity=bending,
-            front=front,
-            evaluations=self.evaluations,
-            reused=self.ledger.taken - reused,
-            seconds=time.perf_counter() - began,
-        )
+        model = self._fit()
+        self._kinds["tuned"] = [one for one in self.tried.all if one.role != "default"]
+        if self.goal.price is not None and not self._late():
+            self._progress("front")
+            points = np.stack([one.point for one in self.tried.all])
+            self._sensitivity, self._front = trace_front(model, self.goal.price, points, self.seed)
+        self._doing = "random search"
+        rest = [measure(point, "random") for point in drawn[SAMPLES:] if not self._late()]
+        self._kinds["random"] = [*samples, *rest]
+        self._doing = "grid"
+        self._kinds["grid"] = [
+            measure(point, "grid") for point in grid(self.space, self.base) if not self._late()
+        ]
+        self._said = said_of(model, np.stack([one.point for one in self.tried.all]))
+
+    def _late(self) -> bool:
+        """Whether the time given is spent; whoever asks leaves something out then."""
+        late = self.deadline is not None and time.perf_counter() > self.deadline
+        self._cut |= late
+        return late
+
+    def _heard(self) -> None:
+        if self._doing:
+            self._progress(f"{self._doing}, {len(self.tried.all)} tried")
 
     def _default_seconds(self) -> float:
         """Of a frame with the default settings, the mean over the views."""
         trials = [bench.try_all([self.base], 3, self.ledger)[0] for bench in self.benches]
         return sum(trial.total.value for trial in trials) / len(trials)
 
-    def _measure(
-        self, point: np.ndarray, role: str, algorithm: AdaptiveShadowMap | None = None
-    ) -> Candidate:
-        """Settings measured once on each view that is tuned on."""
-        algorithm = self.space.algorithm(point) if algorithm is None else algorithm
-        name = _settings_key(algorithm)
-        if name not in self._known:
-            trials = tuple(
-                bench.try_all([algorithm], 1, self.ledger, warm_ups=0)[0] for bench in self.benches
-            )
-            candidate = Candidate(role, self.space.snapped(point), algorithm, trials)
-            self._known[name] = candidate
-            self.tried.append(candidate)
-        return self._known[name]
-
-    def _at_random(self) -> list[Candidate]:
-        """A random search with all evaluations; its first `SAMPLES` are the surrogate's."""
-        # By its old name: SciPy's stubs know `rng` only, SciPy 1.14 `seed` only.
-        drawn = qmc.Sobol(len(self.space.knobs), seed=self.seed)  # pyright: ignore[reportCallIssue]
+    def _drawn(self) -> list[np.ndarray]:
+        """As many points at random as there are evaluations; the first `SAMPLES` are the
+        surrogate's."""
+        drawn = qmc.Sobol(len(NAMES), seed=self.seed)  # pyright: ignore[reportCallIssue]
         points = drawn.random(1 << (self.evaluations - 1).bit_length())[: self.evaluations]
-        found = []
-        for number, point in enumerate(points):
-            if self.late and number >= SAMPLES:
-                break
-            point = self.space.with_steps(point, number % SAMPLED_STEPS)
-            found.append(self._measure(point, "sample" if number < SAMPLES else "random"))
-        return found
+        return [self.space.with_steps(point, k % SAMPLED_STEPS) for k, point in enumerate(points)]
 
-    def _fit(self, evidence: Sequence[Evidence]) -> Model:
-        """The surrogate fitted to all that was proposed or drawn for it."""
-        use = [one for one in self.tried if one.role != "random"]
-        points = np.stack([one.point for one in use], axis=1)
-        low, high = (end[:, None] for end in self.space.ends)
-        values = {name: np.asarray(value) for name, value in values_at(points, low, high).items()}
+    def _fit(self) -> Model:
+        """The surrogate fitted to all that the search has measured."""
+        use = self.tried.own
+        points, weight = np.stack([one.point for one in use]), self._weights(use)
         fits: list[Calibration] = []
-        # Near the best it must be right; far from it, about right.
-        ranks = np.array([one.rank(self.goal)[1] for one in use])
-        weight = np.clip(np.sqrt(ranks.min() / np.maximum(ranks, 1e-12)), LEAST_WEIGHT, 1)
-        for number, some in enumerate(evidence):
+        for number, evidence in enumerate(self._evidence):
             trials = [one.trials[number] for one in use]
             edge = np.array([trial.edge_px for trial in trials])
             seconds = np.array([trial.total.value for trial in trials])
             start = self.calibrations[number].fit if self.calibrations else None
-            cost = node_cost(self.space.base)
-            fits.append(calibrated_fit(some, values, edge, seconds, cost, start, weight))
+            fits.append(
+                calibrated_fit(evidence, self.space, points, edge, seconds, start, weight)
+            )  # fmt: skip
         self.calibrations = tuple(fits)
-        return model_of(evidence, [one.fit for one in fits], self.space)
+        return model_of(self._evidence, fits, self.space)
 
-    def _propose(self, evidence: Sequence[Evidence]) -> tuple[Model, bool]:
-        """Two rounds of fitting, searching and measuring; the last fit, and whether its search came
-        to rest."""
-        settled = False
-        model = self._fit(evidence)
-        for _ in range(2):
-            if self.late:
+    def _weights(self, use: Sequence[Candidate]) -> np.ndarray:
+        """(k,) of trials: near the best the fit must be right, far from it about right."""
+        logs = np.log([(one.edge_px + LEAST_PX, one.seconds) for one in use])
+        best = min(range(len(use)), key=lambda k: use[k].rank(self.goal))
+        off = np.abs(logs - logs[best]).sum(axis=1)
+        return np.clip(np.exp(-off / 2), LEAST_WEIGHT, 1.0)
+
+    def _propose(self) -> Model:
+        """Rounds of fitting, searching and measuring; the last fit."""
+        model = self._fit()
+        for number in range(ROUNDS):
+            if self._late():
                 break
-            found = search(model, self.goal, self._starts())
-            settled = bool(found.settled[:1].any())
-            for point in self._proposals(model, found.points):
-                if not self.late:
-                    self._measure(point, "surrogate")
-            model = self._fit(evidence)
-        return model, settled
+            self._doing = "surrogate's proposals"
+            for point in self._proposals(model, number):
+                if self._late():
+                    break
+                self.tried.measure(point, "surrogate")
+            self._doing = ""
+            self._progress("surrogate")
+            model = self._fit()
+        return model
 
-    def _proposals(self, model: Model, ends: np.ndarray) -> list[np.ndarray]:
-        """What the surrogate prefers of the ends of a search (k, knobs), of the first one with all
-        other steps, and of what is beside the best so far. Each has another size of nodes or
-        memory, as far as there are: of these the surrogate knows the least."""
-        best = self._starts()[0]
-        around = [point for step in STEP for point in self.space.neighbours(best, step)]
-        points = [*ends, *self.space.other_steps(ends[0]), *around]
-        ordered = [self.space.snapped(point) for point in self._by_surrogate(model, points)]
-        new = [p for p in ordered if _settings_key(self.space.algorithm(p)) not in self._known]
-        kinds = [self.space.algorithm(point) for point in new]
-        seen, first, rest = set(), [], []
-        for point, kind in zip(new, kinds, strict=True):
-            size = kind.node_resolution, kind.memory_bytes
-            (rest if size in seen else first).append(point)
-            seen.add(size)
-        return [*first[:PROPOSALS], *rest][:PROPOSALS]
-
-    def _starts(self) -> list[np.ndarray]:
-        """The best points so far."""
-        return [one.point for one in self._first(self.tried, STARTS)]
-
-    def _by_surrogate(self, model: Model, points: Sequence[np.ndarray]) -> list[np.ndarray]:
-        """Points in the order that the surrogate prefers."""
-        edge, seconds = said_of(model, np.stack(points)).tolist()
-        order = sorted(range(len(points)), key=lambda k: self.goal.rank(edge[k], seconds[k]))
-        return [points[k] for k in order]
+    def _proposals(self, model: Model, number: int) -> list[np.ndarray]:
+        """What the surrogate prefers of the ends of a search, of the best of them with all other
+        steps, of ends of the box, and of what is beside the best so far."""
+        space, goal = self.space, self.goal
+        best = [one.point for one in self.tried.first(self.tried.own, STARTS)]
+        found = search(
+            model, goal, [*best, *promising(model, goal, STARTS, self.seed + number)]
+        )  # fmt: skip
+        self._settled = bool(found.settled[0])
+        ends = [at_ends(space, end) for end in found.points]
+        default = space.point(self.base)
+        points = [
+            *ends, *space.other_steps(ends[0]), *around(space, best[0]), *extremes(space, ends[0]),
+            *extremes(space, default),
+        ]  # fmt: skip
+        ordered = preferred(model, goal, points)
+        return distinct(space, ordered, self.tried.knows, PROPOSALS)
 
     def _neighbours(self, model: Model) -> None:
         """Measure neighbours of the best, and of the new best, as long as evaluations are left."""
-        spent = [one for one in self.tried if one.role != "random"]
-        left = self.evaluations - len(spent) + 1
-        while left > 0 and not self.late:
-            best = self._first(spent, 1)[0]
-            around = [p for step in STEP for p in self.space.neighbours(best.point, step)]
-            for point in self._by_surrogate(model, around):
-                if left <= 0 or self.late:
-                    break
-                if _settings_key(self.space.algorithm(point)) in self._known:
+        left = self.evaluations - len(self.tried.own) + 1
+        while left > 0:
+            best = self.tried.first(self.tried.own, 1)[0]
+            beside = preferred(model, self.goal, around(self.space, best.point))
+            for point in beside:
+                if left <= 0 or self.tried.knows(point):
                     continue
-                one = self._measure(point, "neighbour")
-                spent.append(one)
+                if self._late():
+                    return
+                one = self.tried.measure(point, "neighbour")
                 left -= 1
                 if one.rank(self.goal) < best.rank(self.goal):
                     break
             else:
-                break
+                return
 
-    def _correlation(self, said: np.ndarray) -> float:
-        """Spearman's rank correlation of what the surrogate said (2, k) with what was measured."""
-        guessed = [self.goal.rank(*pair) for pair in said.T.tolist()]
-        real = [one.rank(self.goal) for one in self.tried]
-        return float(np.asarray(spearmanr(_places(guessed), _places(real)))[0])
-
-    def _front(self, model: Model):
-        """Sensitivity and front about the price; nothing for goals without one."""
-        starts = self._starts()
-        if self.goal.price is None or self.late:
-            return None, ()
-        point = search(model, self.goal, starts).points[0]
-        return trace_front(model, self.goal.price, point, starts[:2])
-
-    def _grid(self) -> list[Candidate]:
-        """The grid's points, each measured."""
-        start = self.space.point(self.base)
-        points = [start]
-        for name, values in GRID.items():
-            k = NAMES.index(name)
-            knob = self.space.knobs[k]
-            points = [
-                np.concatenate([point[:k], [0.5 if value is None else knob.place(value)],
-                                point[k + 1 :]])
-                for point in points
-                for value in values
-            ]  # fmt: skip
-        return [self._measure(point, "grid") for point in points if not self.late]
-
-    def _first(self, some: Sequence[Candidate], count: int) -> list[Candidate]:
-        """The best of some by what was measured on the views tuned on."""
-        return sorted(some, key=lambda one: one.rank(self.goal))[:count]
-
-    def _finals(self, candidates: Sequence[Candidate]) -> dict[tuple, Candidate]:
-        """The candidates measured on the held-out views, in turns, by their settings."""
-        unique = {_settings_key(one.algorithm): one for one in candidates}
+    def _finals(self, default: Candidate) -> dict[str, list[Candidate]]:
+        """The default and the best few of each kind on the held-out views, in turns."""
+        chosen = {"default": [default]}
+        for kind, some in self._kinds.items():
+            unique = {id(one): one for one in some}
+            chosen[kind] = self.tried.first([*unique.values()], FINALISTS)
+        unique = {settings_key(one.algorithm): one for some in chosen.values() for one in some}
         algorithms = [one.algorithm for one in unique.values()]
-        columns = [
-            bench.try_all(algorithms, self.rounds, self.ledger, warm_ups=0, together=True)
-            for bench in self.held_out
-        ]
-        return {
-            name: Candidate(one.role, one.point, one.algorithm, trials)
+        columns = []
+        for bench in self.held_out:
+            self._progress(f"held-out view: {len(algorithms)} settings in turns")
+            columns.append(
+                bench.try_all(algorithms, self.rounds, self.ledger, warm_ups=0, together=True)
+            )
+        finals = {
+            name: candidate(one.role, one.point, one.algorithm, trials, self.held_out)
             for (name, one), trials in zip(unique.items(), zip(*columns, strict=True), strict=True)
         }
+        return {
+            kind: [finals[settings_key(one.algorithm)] for one in some]
+            for kind, some in chosen.items()
+        }
 
-    def _outcome(self, tuned: Candidate, default: Candidate, settled: bool) -> Outcome:
+    def _unfinished(self, default: Candidate) -> dict[str, list[Candidate]]:
+        """What stands in for the finals where they were not got to: all on the views tuned on."""
+        return {"default": [default], "tuned": self.tried.own[1:], **self._kinds}
+
+    def _result(self, default: Candidate, stopped: bool) -> TuneResult:
+        finals = self._unfinished(default) if stopped else self._finals(default)
+        best = {kind: best_of(some, self.goal) for kind, some in finals.items()}
+        (standing,) = finals["default"]
+        tuned = best_of([one for one in (best["tuned"], standing) if one is not None], self.goal)
+        assert tuned is not None
+        outcome = self._outcome(tuned, standing, stopped)
+        finalists = {id(one): one for some in finals.values() for one in some}
+        unsaid = np.full((2, len(self.tried.all)), np.nan)
+        return TuneResult(
+            scene=self.scene,
+            goal=self.goal,
+            space=self.space,
+            views=tuple(bench.view for bench in self.benches),
+            held_out=tuple(bench.view for bench in self.held_out),
+            outcome=outcome,
+            advice=self._advice(outcome, tuned),
+            default=standing,
+            tuned=tuned,
+            grid_best=best.get("grid"),
+            random_best=best.get("random"),
+            finalists=tuple(finalists.values()),
+            tried=tuple(self.tried.all),
+            calibrations=self.calibrations,
+            said=unsaid if stopped else self._said,
+            rank_correlation=float("nan") if stopped else self._correlation(),
+            sensitivity=self._sensitivity,
+            front=self._front,
+            evaluations=self.evaluations,
+            reused=self.ledger.taken - self._reused,
+            seconds=time.perf_counter() - self._began,
+        )
+
+    def _correlation(self) -> float:
+        """Spearman's rank correlation of what the surrogate says with what was measured, of those
+        that it was not fitted to."""
+        others = [k for k, one in enumerate(self.tried.all) if one.role in RIVALS]
+        guessed = [self.goal.rank(*self._said[:, k].tolist()) for k in others]
+        real = [self.tried.all[k].rank(self.goal) for k in others]
+        if len(set(guessed)) < 2 or len(set(real)) < 2:
+            return float("nan")
+        return float(np.asarray(spearmanr(_places(guessed), _places(real)))[0])
+
+    def _outcome(self, tuned: Candidate, default: Candidate, stopped: bool) -> Outcome:
+        if stopped:
+            return Outcome.INTERRUPTED
         if not self.goal.met(tuned.edge_px, tuned.seconds):
             return Outcome.NOT_MET
-        if self.late:
+        if self._cut:
             return Outcome.TIME_SPENT
         if tuned is default:
             return Outcome.DEFAULT_STANDS
+        settled = self._settled and all(one.settled for one in self.calibrations)
         return Outcome.FOUND if settled else Outcome.UNSETTLED
 
     def _advice(self, outcome: Outcome, tuned: Candidate) -> str:
@@ -375,9 +368,14 @@ class Tuner:
         return f"{outcome.value}."
 
 
-def _settings_key(algorithm: AdaptiveShadowMap) -> tuple:
-    """Equal for equal settings."""
-    return tuple(sorted((name, repr(value)) for name, value in settings_of(algorithm).items()))
+def grid(space: Space, base: AdaptiveShadowMap) -> list[np.ndarray]:
+    """Points of the grid about the settings of `base`."""
+    points = [space.point(base)]
+    for name, values in GRID.items():
+        k = NAMES.index(name)
+        places = [0.5 if value is None else space.knobs[k].place(value) for value in values]
+        points = [np.r_[p[:k], place, p[k + 1 :]] for p in points for place in places]
+    return points
 
 
 def _places(ranks: Sequence[tuple[float, float]]) -> list[int]:

@@ -4,12 +4,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from asmjax.experiment.comparison import pooled
 from asmjax.experiment.methods import settings_of
 from asmjax.experiment.trial import Trial
 from asmjax.report.compare_result import SeenView
 from asmjax.report.tune_result import TuningResult
 from asmjax.shadow import AdaptiveShadowMap, CostModel
 from asmjax.tuning.calibrate import Calibration
+from asmjax.tuning.correction import no_correction
 from asmjax.tuning.goal import Goal
 from asmjax.tuning.result import (
     Candidate,
@@ -27,6 +29,8 @@ YARDSTICK = 0.004
 
 MODEL = CostModel(1e-8, 1e-4, 0.01)
 DEFAULT = AdaptiveShadowMap(cost_model=MODEL)
+
+RULES_FIT = Fit(*np.full(len(Fit._fields), 0.1))
 
 
 def space() -> Space:
@@ -62,7 +66,7 @@ def trial(
         bytes=2**20,
         texels=1000,
         rays=1000,
-        status="converged",
+        status="complete",
         nodes=4,
     )  # fmt: skip
 
@@ -85,7 +89,7 @@ def candidate(
         trial(algorithm, view, part * edge_px, (part * seconds * spread).tolist())
         for view, part in zip(views, (1.2, 0.8), strict=True)
     ]
-    return Candidate(role, place, algorithm, tuple(trials))
+    return Candidate(role, place, algorithm, tuple(trials), pooled(trials, (1, 1), (1, 1)))
 
 
 ROLES = ("default", "sample", "random", "grid", "surrogate", "neighbour")
@@ -133,7 +137,7 @@ def tuning_result(
             for k, price in enumerate(prices)
         )
         bending = Sensitivity(
-            goal.price, {n: 0.2 * (k - 4) for k, n in enumerate(NAMES)}, 0.6, -0.4
+            goal.price, {n: 0.2 * (k - 4) for k, n in enumerate(NAMES)}, 0.6, -0.4, settled=True
         )
     found = TuneResult(
         scene="hall",
@@ -150,7 +154,8 @@ def tuning_result(
         finalists=tuple(finalists),
         tried=tuple(tried),
         calibrations=tuple(
-            Calibration(Fit(*np.full(len(Fit._fields), 0.1)), 0.1, 0.05, 20, True) for _ in TUNED_ON
+            Calibration(RULES_FIT, no_correction(11, 20), 0.1, 0.05, 20, settled=True)
+            for _ in TUNED_ON
         ),
         said=np.array([[1.1 * one.edge_px for one in tried], [0.5 * one.seconds for one in tried]]),
         rank_correlation=0.9,

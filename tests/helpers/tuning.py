@@ -11,18 +11,19 @@ from asmjax.experiment.bench import Bench
 from asmjax.scene.analytic_scenes import ANALYTIC_SCENES
 from asmjax.scene.spec import LightSpec, Shape, ViewSpec
 from asmjax.shadow import AdaptiveShadowMap
+from asmjax.tuning.correction import no_correction
 from asmjax.tuning.evidence import DEEPEST, GAP_STEPS, GAPS, LEAST_SPAN, SPANS, Evidence
 from asmjax.tuning.search import Model
 from asmjax.tuning.space import Space, space_of
-from asmjax.tuning.surrogate import Fit
+from asmjax.tuning.surrogate import Fit, rules_of
 from helpers.registry import FAST
 from helpers.traced_cases import traced_case
 
 BASE = AdaptiveShadowMap(memory_bytes=2**22, cost_model=FAST)
 """Settings that boxes are laid about."""
 
-BELIEVED = np.array([FAST.a_seconds_per_texel, FAST.b_seconds])
-"""Seconds per texel and per launch by its cost model."""
+RULES = rules_of(BASE)
+"""That its maps go by."""
 
 EXPECTED = Fit(*(np.zeros(()) for _ in Fit._fields))
 """Every number as expected."""
@@ -103,6 +104,10 @@ def made_model(seeds: Sequence[int] = (0,), fit: Fit = EXPECTED) -> Model:
     parts = Model(
         tuple(made_evidence(seed) for seed in seeds),
         tuple(fit for _ in seeds),
-        *(jax.numpy.asarray(x) for x in (low, high, BELIEVED)),
+        tuple(no_correction(len(low) + 2, 1) for _ in seeds),
+        np.full(len(seeds), 1 / len(seeds)),
+        low,
+        high,
+        RULES,
     )
     return jax.tree.map(jax.numpy.asarray, parts)

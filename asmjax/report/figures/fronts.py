@@ -75,9 +75,13 @@ class FrontPanel:
     marks: Sequence[Mark] = field(default=())
 
 
+BARS = "interval of the median time"
+"""What intervals are, where nothing closer is said."""
+
+
 @styled
-def draw_fronts(panels: Sequence[FrontPanel], title: str = "") -> Figure:
-    """A panel for each kind of cost, all with the same errors.
+def draw_fronts(panels: Sequence[FrontPanel], title: str = "", bars: str = BARS) -> Figure:
+    """A panel for each kind of cost, all with the same errors; `bars` says what the intervals are.
 
     A logarithm has no 0: points without any error stand, as open markers, on a line of their own
     below, labelled 0. The front is the grey staircase: below and left of it lies nothing that was
@@ -112,8 +116,7 @@ def draw_fronts(panels: Sequence[FrontPanel], title: str = "") -> Figure:
     board.caption(title, line=1)
     board.caption(
         "Grey staircase: nothing that was measured is cheaper and as accurate. Thin lines: each "
-        "family's own. Bars: interval of the median time. Open markers on the line of 0: no wrong "
-        "pixel."
+        f"family's own. Bars: {bars}. Open markers on the line of 0: no wrong pixel."
     )
     return board.figure
 

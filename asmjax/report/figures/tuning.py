@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from asmjax.report.figures.board import CAPTION, EDGE, HEAD, Board
-from asmjax.report.figures.fronts import log_ticks, zero_line
+from asmjax.report.figures.fronts import BARS, log_ticks, zero_line
 from asmjax.report.figures.labels import Label, write_labels
 from asmjax.report.figures.style import FAINT, KIND_COLOURS, styled
 
@@ -92,8 +92,11 @@ class Asked:
 
 
 @styled
-def draw_tried(panels: Sequence[TriedPanel], asked: Asked, title: str = "") -> Figure:
-    """A panel for each set of views, all on the same axes; no error at all stands on a line 0."""
+def draw_tried(
+    panels: Sequence[TriedPanel], asked: Asked, title: str = "", bars: str = BARS
+) -> Figure:
+    """A panel for each set of views, all on the same axes; no error at all stands on a line 0.
+    `bars` says what the intervals of times are."""
     roles = [name for name in ROLES if any(d.role == name for p in panels for d in _all(p))]
     top = EDGE + HEAD
     board = Board(
@@ -128,7 +131,7 @@ def draw_tried(panels: Sequence[TriedPanel], asked: Asked, title: str = "") -> F
         handletextpad=0.3,
     )
     board.caption(title, line=1)
-    board.caption(_explained(asked) + " Bars: interval of the median time.")
+    board.caption(f"{_explained(asked)} Bars: {bars}.")
     return board.figure
 
 

@@ -1,0 +1,82 @@
+"""What a search tries next: ends of the surrogate's own search, ends of the box, and neighbours."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from scipy.stats import qmc
+
+from asmjax.tuning.goal import Goal
+from asmjax.tuning.search import Model, said_of
+from asmjax.tuning.space import Space
+
+STEP = (0.12, 0.3)
+"""Of the range of a setting, to its neighbours."""
+
+SCREENED = 512
+"""Random points of which a search of the surrogate starts from the best."""
+
+OFF, END = 0.05, 0.03
+"""As near to an end of its range a setting is tried at it: off, where it can be, or just there."""
+
+
+def preferred(model: Model, goal: Goal, points: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """Points (knobs,) in the order that the surrogate prefers."""
+    edge, seconds = said_of(model, np.stack(points)).tolist()
+    order = sorted(range(len(points)), key=lambda k: goal.rank(edge[k], seconds[k]))
+    return [points[k] for k in order]
+
+
+def promising(model: Model, goal: Goal, count: int, seed: int) -> list[np.ndarray]:
+    """The best by the surrogate of points spread over the whole box."""
+    # By its old name: SciPy's stubs know `rng` only, SciPy 1.14 `seed` only.
+    drawn = qmc.Sobol(len(model.low), seed=seed)  # pyright: ignore[reportCallIssue]
+    return preferred(model, goal, [*drawn.random(SCREENED)])[:count]
+
+
+def at_ends(space: Space, point: np.ndarray) -> np.ndarray:
+    """The point with what is near an end of its range at it: a search of the surrogate never gets
+    quite there, and a setting that is off costs nothing."""
+    found = point.copy()
+    for k, knob in enumerate(space.knobs):
+        if knob.off is not None and abs(point[k] - knob.off[0]) < OFF:
+            found[k] = knob.off[0]
+        elif min(point[k], 1 - point[k]) < END:
+            found[k] = round(point[k])
+    return found
+
+
+def extremes(space: Space, point: np.ndarray) -> list[np.ndarray]:
+    """The points that differ from one in one setting, which is at an end of its range."""
+    found = []
+    for k, knob in enumerate(space.knobs):
+        for end in (0.0, 1.0):
+            if not knob.fixed and abs(point[k] - end) > 1e-9:
+                found.append(np.r_[point[:k], end, point[k + 1 :]])
+    return found
+
+
+def around(space: Space, point: np.ndarray) -> list[np.ndarray]:
+    """Neighbours of a point, near and far."""
+    near = [other for step in STEP for other in space.neighbours(point, step)]
+    return [*near, *extremes(space, point)]
+
+
+def distinct(
+    space: Space, points: Sequence[np.ndarray], known: Callable[[np.ndarray], bool], count: int
+) -> list[np.ndarray]:
+    """The first of those in order that are not known and differ from one another, `count` at most.
+    First come those of another size of nodes or memory: of these the surrogate knows the least."""
+    new: dict[tuple, np.ndarray] = {}
+    for point in points:
+        snapped = space.snapped(point)
+        if not known(snapped):
+            new.setdefault(tuple(np.round(snapped, 6)), snapped)
+    seen, first, rest = set(), [], []
+    for point in new.values():
+        kind = space.algorithm(point)
+        size = kind.node_resolution, kind.memory_bytes
+        (rest if size in seen else first).append(point)
+        seen.add(size)
+    most = -(-count // 2)
+    chosen = [*first[:most], *rest, *first[most:]]
+    return chosen[:count]
