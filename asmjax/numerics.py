@@ -11,8 +11,14 @@ import jax.numpy as jnp
 _P = ParamSpec("_P")
 _R = TypeVar("_R")
 
-LEAST_DEPTH = 1e-12
-"""Points nearer than this along an axis, in scene units, are not in front of it."""
+
+def least_depth(dtype) -> float:
+    """Points nearer than this along an axis, in scene units, are not in front of it.
+
+    No part of a scene's size, which the near distances of lights and eyes are: only what keeps the
+    squares of inverse depths in the range of the type, 2e-13 in float32 and 3e-103 in float64.
+    """
+    return float(jnp.finfo(dtype).tiny) ** (1 / 3)
 
 
 def safe_divide(numerator, denominator, otherwise=0.0):

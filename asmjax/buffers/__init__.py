@@ -1,11 +1,19 @@
 """What flows between the stages: the eye's image, the light's image, and their meeting."""
 
 from asmjax.buffers.anchored import Anchor, anchor, double, image_rows
-from asmjax.buffers.points import EyeBuffer, SeenPoints, SurfacePoints, eye_buffer, seen_points
+from asmjax.buffers.points import (
+    BLUR,
+    EyeBuffer,
+    SeenPoints,
+    SurfacePoints,
+    eye_buffer,
+    seen_points,
+)
 from asmjax.buffers.rays import ChartBuffer, LightBuffer, LightRays, TexelWindows, whole_image
 from asmjax.buffers.receivers import Receivers, light_offset, project
 
 __all__ = [
+    "BLUR",
     "Anchor",
     "ChartBuffer",
     "EyeBuffer",

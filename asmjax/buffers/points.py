@@ -10,6 +10,11 @@ from jaxtyping import Array, Bool, Float, Int
 from asmjax.geometry import Camera
 
 
+BLUR = 1e-6
+"""Points are at float32 positions from the eye: this part of their depth, at most, from where the
+host has them."""
+
+
 class SurfacePoints(eqx.Module):
     """Points on surfaces, relative to `origin` so that float32 keeps the digits that matter.
 

@@ -7,7 +7,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from asmjax.buffers.points import SurfacePoints
 from asmjax.geometry import LightFrame
-from asmjax.numerics import LEAST_DEPTH, dot, safe_divide, safe_sqrt
+from asmjax.numerics import dot, least_depth, safe_divide, safe_sqrt
 
 GRAZING = 1e-4
 """Below this cosine between normal and light ray the receiver plane says nothing about depth."""
@@ -95,7 +95,7 @@ def _in_face(frame: LightFrame, face: int, world, cast) -> Bool[Array, " n"]:
     inside = depth > cast(frame.near)
     scale = jnp.ones_like(depth)
     if frame.perspective:
-        inside &= depth > LEAST_DEPTH
+        inside &= depth > least_depth(depth.dtype)
         scale = depth
     for k in range(2):
         along = dot(rotation[k], world) - corner[k] * scale

@@ -6,15 +6,16 @@ the pixel's. Unlike m it depends on where a receiver lies, not on how it is turn
 parameterization can be blamed for.
 """
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from asmjax.buffers import Receivers, SurfacePoints
 from asmjax.buffers.receivers import of_face
-from asmjax.footprint.jacobian import LARGEST, OFF_AXIS
+from asmjax.footprint.jacobian import OFF_AXIS
 from asmjax.footprint.ratio import LOG2_WORST
 from asmjax.geometry import Camera, LightFrame
-from asmjax.numerics import LEAST_DEPTH, dot, safe_divide, safe_log2, safe_sqrt
+from asmjax.numerics import dot, least_depth, safe_divide, safe_sqrt
 
 
 def log2_perspective_error(
@@ -34,10 +35,11 @@ def log2_perspective_error(
     Returns:
         Where nothing is known, `LOG2_WORST`: not facing, not in front of the camera, no texel.
     """
-    texel = _widest_texel(frame, receivers, density)
+    texel, held = _log2_widest_texel(frame, receivers, density)
     pixel = _narrowest_pixel(points, camera)
-    known = receivers.facing & (texel > 0) & (pixel > 0)
-    ratio = safe_log2(texel, -LOG2_WORST) - safe_log2(pixel, -LOG2_WORST)
+    known = receivers.facing & held & (pixel > 0)
+    # Scenes are of any scale, so no width is too small for its logarithm.
+    ratio = texel - jnp.log2(jnp.where(known, pixel, 1))
     return jnp.where(known, jnp.minimum(ratio, LOG2_WORST), LOG2_WORST)
 
 
@@ -46,7 +48,7 @@ def _narrowest_pixel(points: SurfacePoints, camera: Camera):
     dtype = points.position.dtype
     x, y, z = (dot(jnp.asarray(row, dtype), points.position) for row in camera.rotation)
     farthest = jnp.maximum(jnp.maximum(jnp.abs(x), jnp.abs(y)), jnp.abs(z))
-    seen = points.valid & (z > jnp.maximum(OFF_AXIS * farthest, LEAST_DEPTH))
+    seen = points.valid & (z > jnp.maximum(OFF_AXIS * farthest, least_depth(dtype)))
     z = jnp.where(seen, z, 1)
     focal = jnp.asarray(camera.focal, dtype)
     steps = (
@@ -57,26 +59,34 @@ def _narrowest_pixel(points: SurfacePoints, camera: Camera):
     return jnp.where(seen, narrowest, 0)
 
 
-def _widest_texel(frame: LightFrame, receivers: Receivers, density):
-    """Width (n,) of a texel's beam in its widest direction, scene units; 0 where there is none."""
+def _log2_widest_texel(frame: LightFrame, receivers: Receivers, density):
+    """log2 of the width (n,) of a texel's beam in its widest direction, scene units, and whether
+    there is a texel of any width.
+
+    Its steps are those of the inverse of `density`: by adjugate and determinant, in parts of the
+    largest entry, whose powers are put back as logarithms. No product leaves the range of float32.
+    """
     dtype = density.dtype
     _, corner, extent = of_face(frame, receivers.face, lambda a: jnp.asarray(a, dtype))
-    (a, b), (c, d) = jnp.clip(density, -LARGEST, LARGEST)
-    determinant = a * d - b * c
-    per_s = jnp.stack([safe_divide(d, determinant), safe_divide(-c, determinant)])
-    per_t = jnp.stack([safe_divide(-b, determinant), safe_divide(a, determinant)])
+    largest, ((a, b), (c, d)) = _in_parts(density)
+    area = jnp.abs(a * d - b * c)
+    depth = receivers.depth if frame.perspective else jnp.ones_like(receivers.depth)
     scale = jnp.stack([extent[0] * jnp.ones_like(a), extent[1] * jnp.ones_like(a)])
-    if not frame.perspective:
-        return _extremes(per_s * scale, per_t * scale, jnp.zeros_like(a), jnp.zeros_like(a))[0]
-    x, y = (corner[k] + receivers.uv[k] * extent[k] for k in range(2))
-    return _extremes(
-        per_s * scale * receivers.depth, per_t * scale * receivers.depth, x, y
-    )[0]  # fmt: skip
+    x, y = jnp.zeros_like(a), jnp.zeros_like(a)
+    if frame.perspective:
+        x, y = (corner[k] + receivers.uv[k] * extent[k] for k in range(2))
+    widest, _ = _extremes(scale * jnp.stack([d, -c]), scale * jnp.stack([-b, a]), x, y)
+    held = (area > jnp.finfo(dtype).eps ** 2) & (widest > 0)
+    parts = (jnp.where(held, part, 1) for part in (widest, depth, area, largest))
+    width, depth, area, largest = (jnp.log2(part) for part in parts)
+    return width + depth - area - largest, held
 
 
 def _extremes(first, second, x, y):
     """Largest and smallest width across the ray (x, y, 1) of the parallelogram of two steps (2, n)
     in the plane z = const that it meets: the singular values of the steps' parts across the ray."""
+    # Fourth powers of widths follow, which leave float32 below 1e-10 and above 1e9.
+    largest, (first, second) = _in_parts(jnp.stack([first, second]))
     square = x * x + y * y + 1
 
     def across(a, b):
@@ -86,4 +96,15 @@ def _extremes(first, second, x, y):
     widest = safe_sqrt(0.5 * (p + r + safe_sqrt((p - r) ** 2 + 4 * q * q)))
     # Area / widest: the difference of two near-equal numbers would lose its digits.
     area = jnp.abs(first[0] * second[1] - first[1] * second[0]) / jnp.sqrt(square)
-    return widest, safe_divide(area, widest)
+    return largest * widest, largest * safe_divide(area, widest)
+
+
+def _in_parts(values):
+    """The largest (n,) of the absolute values (., ., n), and the values in parts of it.
+
+    Ones so small that their squares underflow stay as they are. What is made of both does not
+    depend on the first, so no gradient has to flow through it.
+    """
+    largest = jax.lax.stop_gradient(jnp.abs(values).max(axis=(0, 1)))
+    largest = jnp.where(largest > jnp.finfo(values.dtype).tiny ** 0.5, largest, 1)
+    return largest, values / largest

@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 from asmjax.buffers import Receivers, SurfacePoints
 from asmjax.buffers.receivers import of_face
 from asmjax.geometry import Camera, LightFrame
-from asmjax.numerics import LEAST_DEPTH, dot, safe_divide, safe_sqrt
+from asmjax.numerics import dot, least_depth, safe_divide, safe_sqrt
 
 OFF_AXIS = 1e-4
 """Points whose axial depth is a smaller part of their distance are not in any camera's image."""
@@ -41,7 +41,7 @@ def _tangents(points: SurfacePoints, camera: Camera):
     x, y, z = points.position
     depth = dot(forward, (x, y, z))
     farthest = jnp.maximum(jnp.maximum(jnp.abs(x), jnp.abs(y)), jnp.abs(z))
-    seen = points.valid & (depth > jnp.maximum(OFF_AXIS * farthest, LEAST_DEPTH))
+    seen = points.valid & (depth > jnp.maximum(OFF_AXIS * farthest, least_depth(dtype)))
     depth = jnp.where(seen, depth, 1)
     ray = [jnp.where(seen, x, 0) for x in (x, y, z)]
     along = dot(points.normal, ray)

@@ -15,6 +15,9 @@ one cover too much: 15 times the edge texels' angle at 150 degrees)."""
 MARGIN = 1e-4
 """Fitted rectangles grow by this fraction, so that no receiver lies on the border."""
 
+NARROWEST = 1e-5
+"""Fitted rectangles are at least this part of the scene wide, of the unit on perspective faces."""
+
 
 class LightFrame(eqx.Module):
     """One light's image planes ("faces"): a rectangle each in a common projection.
@@ -85,8 +88,13 @@ def in_domain(frame: LightFrame, position: np.ndarray) -> np.ndarray:
     return inside
 
 
-def _grown(lo: np.ndarray, hi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    size = np.maximum(hi - lo, 1e-5 * max(1.0, float(np.abs([lo, hi]).max())))
+def _grown(
+    lo: np.ndarray, hi: np.ndarray, scale: float, blur: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Corner and extent around plane coordinates from `lo` to `hi`, which may be off by `blur`, in
+    a plane of that scale."""
+    least = max(NARROWEST * max(scale, float(np.abs([lo, hi]).max())), 4 * blur)
+    size = np.maximum(hi - lo, least)
     # Around the middle: a single receiver would otherwise lie on the border.
     return (lo + hi) / 2 - size * (0.5 + MARGIN), size * (1 + 2 * MARGIN)
 
@@ -122,17 +130,24 @@ def fixed_frame(
 
 
 def fitted_point_frame(
-    position, receivers: np.ndarray, near: float, *, axis=None, cutoff_deg: float | None = None
+    position,
+    receivers: np.ndarray,
+    near: float,
+    *,
+    axis=None,
+    cutoff_deg: float | None = None,
+    blur: float = 0.0,
 ) -> LightFrame:
     """Perspective faces that hold the world points `receivers` (3, n) tightly.
 
     One face around `axis` (default: the mean direction) if `WIDEST_FACE_DEG` allows, else the
     cube faces that see a receiver. Casters need no room of their own: they lie on the same rays.
+    `blur` is by how much receivers may be off, scene units; no face is narrower.
     """
     origin = np.asarray(position, np.float64)
     relative = receivers - origin[:, None]
     distance = np.linalg.norm(relative, axis=0)
-    relative = relative[:, distance > near]
+    relative, distance = relative[:, distance > near], distance[distance > near]
     require(
         relative.shape[1] > 0,
         f"the light at {origin.tolist()} sees no visible surface; choose another light or view.",
@@ -163,7 +178,9 @@ def fitted_point_frame(
         if not mine.any():
             continue
         plane = np.stack([x[mine], y[mine]]) / z[mine]
-        corner, extent = _grown(plane.min(axis=1), plane.max(axis=1))
+        corner, extent = _grown(
+            plane.min(axis=1), plane.max(axis=1), 1.0, blur / float(distance.min())
+        )  # fmt: skip
         faces.append(rotation)
         corners.append(corner)
         extents.append(extent)
@@ -179,21 +196,27 @@ def fitted_point_frame(
     )
 
 
-def fitted_directional_frame(direction, receivers: np.ndarray, bounds: np.ndarray) -> LightFrame:
+def fitted_directional_frame(
+    direction, receivers: np.ndarray, bounds: np.ndarray, *, blur: float = 0.0
+) -> LightFrame:
     """An orthographic face that holds the world points `receivers` (3, n).
 
     Depth counts from a plane in front of all casters: the scene's box `bounds` (3, 2), min and
-    max per axis.
+    max per axis. `blur` is as in `fitted_point_frame`.
     """
     require(receivers.shape[1] > 0, "no visible surface to fit a light frame to.")
     rotation = basis_from_axis(direction)
     corners = np.stack(np.meshgrid(*bounds), axis=0).reshape(3, -1)
     centre = bounds.mean(axis=1)
     axial = rotation[2] @ (corners - centre[:, None])
-    margin = 1e-3 * (axial.max() - axial.min()) + 1e-12
+    diagonal = float(np.linalg.norm(bounds[:, 1] - bounds[:, 0]))
+    # Light may come straight down on a flat scene, which has no axial extent.
+    margin = 1e-3 * max(axial.max() - axial.min(), NARROWEST * diagonal)
     origin = centre + rotation[2] * (axial.min() - margin)
     x, y, _ = rotation @ (receivers - origin[:, None])
-    corner, extent = _grown(np.array([x.min(), y.min()]), np.array([x.max(), y.max()]))
+    corner, extent = _grown(
+        np.array([x.min(), y.min()]), np.array([x.max(), y.max()]), diagonal, blur
+    )  # fmt: skip
     return LightFrame(
         origin=origin,
         rotation=rotation[None],

@@ -87,7 +87,8 @@ def surface_pairs(valid, depth=None) -> SurfacePairs:
         positive.shape == mask.shape and bool(np.all(positive > 0)),
         "the depth of a valid pixel must be positive, in an image of the mask's shape.",
     )
-    inverse = 1.0 / positive
+    # In parts of the largest one, where that could be infinite: only ratios count.
+    inverse = np.min(positive, initial=1.0) / positive
     return SurfacePairs(_continuous(inverse, mask), _continuous(inverse.T, mask.T).T)
 
 

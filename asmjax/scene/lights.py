@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from asmjax.buffers import EyeBuffer
+from asmjax.buffers import BLUR, EyeBuffer
 from asmjax.errors import UseError
 from asmjax.geometry import (
     LightFrame,
@@ -41,7 +41,7 @@ def light_frame(light: LightSpec, eye: Eyes, bounds: np.ndarray) -> LightFrame:
         assert light.fov_deg is not None
         near = _near(bounds)
         return fixed_frame(light.position, light.direction, light.fov_deg, near, light.cutoff_deg)
-    return _fitted(light, _receivers(light, eye), bounds)
+    return _fitted(light, _receivers(light, eye), bounds, _blur(eye))
 
 
 def kept_light_frame(
@@ -58,14 +58,14 @@ def kept_light_frame(
     """
     if _is_fixed(light):
         return light_frame(light, eye, bounds)
-    receivers = _receivers(light, eye)
+    receivers, blur = _receivers(light, eye), _blur(eye)
     if previous is None:
-        return _grown(_fitted(light, receivers, bounds))
-    followed = _followed(previous, light, receivers, bounds)
+        return _grown(_fitted(light, receivers, bounds, blur))
+    followed = _followed(previous, light, receivers, bounds, blur)
     if _holds(followed, light, receivers, bounds):
         return followed
     held = np.concatenate([receivers, _outline(followed, bounds)], axis=1)
-    return _grown(_fitted(light, held, bounds))
+    return _grown(_fitted(light, held, bounds, blur))
 
 
 def _is_fixed(light: LightSpec) -> bool:
@@ -92,6 +92,12 @@ def _receivers(light: LightSpec, eye: Eyes) -> np.ndarray:
     return receivers
 
 
+def _blur(eye: Eyes) -> float:
+    """What the receivers' positions may be off by, scene units."""
+    eyes = [eye] if isinstance(eye, EyeBuffer) else eye
+    return BLUR * max(float(one.depth[one.valid].max(initial=0.0)) for one in eyes)
+
+
 def _lit_side(light: LightSpec, eye: EyeBuffer) -> np.ndarray:
     if light.kind == "directional":
         to_light = -np.asarray(light.direction, np.float64)[:, None]
@@ -101,28 +107,33 @@ def _lit_side(light: LightSpec, eye: EyeBuffer) -> np.ndarray:
     return eye.world[:, faces_light]
 
 
-def _fitted(light: LightSpec, receivers: np.ndarray, bounds: np.ndarray) -> LightFrame:
+def _fitted(light: LightSpec, receivers: np.ndarray, bounds: np.ndarray, blur: float) -> LightFrame:
     if light.kind == "directional":
-        return fitted_directional_frame(light.direction, receivers, bounds)
+        return fitted_directional_frame(light.direction, receivers, bounds, blur=blur)
     return fitted_point_frame(
         light.position,
         receivers,
         _near(bounds),
         axis=light.direction,
         cutoff_deg=light.cutoff_deg,
+        blur=blur,
     )
 
 
 def _followed(
-    previous: LightFrame, light: LightSpec, receivers: np.ndarray, bounds: np.ndarray
+    previous: LightFrame,
+    light: LightSpec,
+    receivers: np.ndarray,
+    bounds: np.ndarray,
+    blur: float,
 ) -> LightFrame:
     """`previous` itself while the light rests, else its rectangles at the light's new place."""
     if light.kind == "directional":
-        now = _fitted(light, receivers, bounds)
+        now = _fitted(light, receivers, bounds, blur)
         if np.array_equal(now.rotation, previous.rotation):
             return previous
         return replace(now, corner=previous.corner, extent=previous.extent)
-    now = _fitted(light, receivers, bounds)
+    now = _fitted(light, receivers, bounds, blur)
     if light.kind == "spot" and not (
         np.array_equal(now.cone_axis, previous.cone_axis) and now.cos_cutoff == previous.cos_cutoff
     ):

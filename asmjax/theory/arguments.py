@@ -76,10 +76,15 @@ def signed_strength(xi: ArrayLike) -> Float[Array, "..."]:
     return setting("xi", xi, -1.0, 1.0, "-1 does not warp, 0 is the LiSPSM, 1 the PSM.")
 
 
+def half_angle(theta: ArrayLike) -> Float[Array, "..."]:
+    """theta, half a field of view in radians."""
+    remedy = "it is half the field of view, in radians."
+    return setting("theta", theta, NARROWEST, WIDEST, remedy)
+
+
 def half_angle_tangent(theta: ArrayLike) -> Float[Array, "..."]:
     """tan(theta) of half a field of view in radians."""
-    remedy = "it is half the field of view, in radians."
-    return jnp.tan(setting("theta", theta, NARROWEST, WIDEST, remedy))
+    return jnp.tan(half_angle(theta))
 
 
 def resolutions(ratio: ArrayLike) -> Float[Array, "..."]:

@@ -31,6 +31,7 @@ from asmjax.theory.arguments import (
     LARGEST_ALPHA,
     depth_range,
     floating,
+    half_angle,
     half_angle_tangent,
     held,
     parts,
@@ -191,14 +192,23 @@ def _part_range(alpha: ArrayLike, k: Float[Array, "..."]) -> Float[Array, "..."]
 
 
 def _silhouette(a1: Float[Array, "..."], theta: ArrayLike, gamma: ArrayLike) -> _Silhouette:
-    """From v = z sin(gamma) - y cos(gamma), with y from -z tan(theta) to z tan(theta)."""
-    tangent, gamma = half_angle_tangent(theta), _angle(gamma)
-    spread = tangent * jnp.cos(gamma)
-    lower, upper = jnp.sin(gamma) - spread, jnp.sin(gamma) + spread
-    a1, lower, upper, tangent = jnp.broadcast_arrays(a1, lower, upper, tangent)
+    """From v = z sin(gamma) - y cos(gamma), with y from -z tan(theta) to z tan(theta).
+
+    v grows with z by sin(gamma) -+ tan(theta) cos(gamma) = sin(gamma -+ theta) / cos(theta) along
+    its lower and upper edge, which are z 2 tan(theta) cos(gamma) apart: in these terms, and from
+    the vertex where v is least, nothing cancels in a thin frustum nor in a light along its edge.
+    """
+    tangent, theta, gamma = half_angle_tangent(theta), half_angle(theta), _angle(gamma)
+    lower, upper = (jnp.sin(gamma + s * theta) / jnp.cos(theta) for s in (-1, 1))
+    a1, lower, upper, tangent, apart = jnp.broadcast_arrays(
+        a1, lower, upper, tangent, 2 * tangent * jnp.cos(gamma)
+    )
     far = 1 + a1
     z = jnp.stack([jnp.ones_like(far), jnp.ones_like(far), far, far])
-    v = z * jnp.stack([lower, upper, lower, upper]) - jnp.minimum(lower, far * lower)
+    # The lower edge begins where v is least: at the near end where it rises, else at the far end.
+    rises = lower > 0
+    fall, rise = (jnp.where(side, a1 * jnp.abs(lower), 0.0) for side in (~rises, rises))
+    v = jnp.stack([fall, fall + apart, rise, jnp.where(rises, apart + a1 * upper, far * apart)])
     return _Silhouette(z, v, v[-1], tangent)
 
 

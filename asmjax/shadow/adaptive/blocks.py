@@ -29,7 +29,7 @@ from jaxtyping import Array, Bool, Float, Int, Int8
 
 from asmjax.buffers import Receivers, SurfacePoints, anchor, light_offset, project
 from asmjax.buffers.points import SEEN_STEPS
-from asmjax.numerics import LEAST_DEPTH, dot
+from asmjax.numerics import dot, least_depth
 from asmjax.shadow.adaptive.address import BITS, address_of
 from asmjax.shadow.adaptive.asm import AdaptiveShadowMap
 from asmjax.shadow.adaptive.bounds import Bounds
@@ -215,7 +215,7 @@ def _sides(corners: SurfacePoints, receivers: Receivers, error, frame, offset):
     dtype = position.dtype
     world = position + jnp.asarray(offset, dtype)[:, None]
     depth = _least(_four(receivers.depth))
-    faces = depth - 4 * error > jnp.maximum(jnp.asarray(frame.near, dtype), LEAST_DEPTH)
+    faces = depth - 4 * error > jnp.maximum(jnp.asarray(frame.near, dtype), least_depth(dtype))
     steep = STEEPEST * jnp.ones_like(depth)
     if frame.perspective:
         back = _least(_four(dot(normal, world))) > 4 * error

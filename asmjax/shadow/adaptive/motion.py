@@ -58,4 +58,4 @@ def _extent_in_image(frame: LightFrame, face: int, box: np.ndarray):
             return np.full(2, -np.inf), np.full(2, np.inf), 0.0
         x, y = x / depth, y / depth
     at = (np.stack([x, y]) - frame.corner[face][:, None]) / frame.extent[face][:, None]
-    return at.min(axis=1), at.max(axis=1), depth.min() * (1 - 1e-6) - 1e-12
+    return at.min(axis=1), at.max(axis=1), depth.min() - 1e-6 * np.abs(depth).max()

@@ -7,6 +7,7 @@ distances: their n and alpha - 1.
 
 import numpy as np
 
+from asmjax.buffers import BLUR
 from asmjax.geometry import Chart, LightFrame, image_to_plane, plane_to_image
 from asmjax.shadow.warped.body import Body, affine
 
@@ -18,10 +19,6 @@ MEASURED = 4096
 
 NEAREST = 1e-6
 """The warp's centre keeps this part of the body's length from its near end."""
-
-BLUR = 1e-6
-"""Receivers are at float32 positions from the eye, this part of their depth from the body's points
-at most; no chart is narrower, lest it miss what it is for."""
 
 
 def whole_face(body: Body) -> Chart:
@@ -93,7 +90,8 @@ def _fitted(
 
 
 def _blur(frame: LightFrame, body: Body) -> float:
-    """What plane coordinates of the receivers may be off by."""
+    """What plane coordinates of the receivers may be off by; no chart is narrower, lest it miss
+    what it is for."""
     depth = body.eye_depth / body.light_depth if frame.perspective else body.eye_depth
     return BLUR * float(depth.max())
 

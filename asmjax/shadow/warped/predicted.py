@@ -35,7 +35,7 @@ from asmjax.shadow.warped.sight import BINS, Seen, bin_of, in_bins
 from asmjax.theory.arguments import held
 
 LEAST_SIZE = 1e-9
-"""Extents of a slab are at least this, or this part of its coordinates."""
+"""Extents of a slab are at least this part of the largest coordinate of all that is seen."""
 
 
 class Layout(NamedTuple):
@@ -77,7 +77,7 @@ def slabs_of(seen: Seen, splits: Float[Array, " splits"]) -> Slabs:
     edges = jnp.pad(in_bins(splits, seen.near, seen.far), 1).at[-1].set(BINS)
     start = jnp.concatenate([seen.near[None], held(splits, seen.near, seen.far)])
     low, high = _extent(edges, seen.outline.plane[1][:, None], seen.outline.empty)
-    low, size = _sized(low, high)
+    low, size = _sized(seen, low, high)
     first, last = jnp.floor(edges[:-1]), jnp.ceil(edges[1:])
     bins = jnp.arange(BINS)
     touched = (bins >= first[:, None]) & (bins < last[:, None])
@@ -109,7 +109,7 @@ def log2_errors(
     slabs = slabs_of(seen, layout.splits)
     rate = layout.u * seen.pace[:, None] / slabs.start
     left, right = _extent(slabs.edges, _bent(seen, slabs, rate), seen.outline.empty)
-    _, width = _sized(left, right)
+    _, width = _sized(seen, left, right)
     shares = jnp.where(slabs.held, layout.shares, 0)
     shares = safe_divide(shares, shares.sum())
     area = jnp.where(slabs.held, shares, 1) * texels
@@ -181,7 +181,10 @@ def _extent(edges, values, empty):
     return (share * low).sum(axis=0), (share * high).sum(axis=0)
 
 
-def _sized(low, high):
+def _sized(seen: Seen, low, high):
     """`low`, and the extent to `high`, which is not 0."""
-    least = LEAST_SIZE * jnp.maximum(1.0, jnp.maximum(jnp.abs(low), jnp.abs(high)))
+    outline = jnp.where(seen.outline.empty[..., None], 0, jnp.abs(seen.outline.plane))
+    largest = outline.max()
+    # Of the unit where all that is seen lies at the very origin.
+    least = LEAST_SIZE * jnp.where(largest > 0, largest, 1)
     return low, jnp.maximum(high - low, jax.lax.stop_gradient(least))

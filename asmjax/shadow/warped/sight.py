@@ -15,7 +15,7 @@ from jaxtyping import Array, Bool, Float, Int
 from asmjax.buffers import Receivers, SurfacePoints, project
 from asmjax.footprint import singular_values, uv_jacobian
 from asmjax.geometry import Camera, LightFrame
-from asmjax.numerics import LEAST_DEPTH, dot, safe_divide, safe_sqrt
+from asmjax.numerics import dot, least_depth, safe_divide, safe_sqrt
 from asmjax.shadow.warped.body import STILL
 from asmjax.theory.arguments import held
 
@@ -179,7 +179,10 @@ def parallel_sight(
     some = points.valid.any()
     corner = jnp.where(some, corner, 0)
     extent = jnp.where(some, jnp.where(some, reach, 1) - corner, 1)
-    corner, extent = corner - 0.01 * extent - 1e-6, 1.02 * extent + 2e-6
+    # In parts of the places themselves, where they have no extent; of the unit at the very origin.
+    largest = jnp.abs(jnp.concatenate([corner, corner + extent])).max()
+    margin = 0.01 * extent + 1e-6 * jnp.where(largest > 0, largest, 1)
+    corner, extent = corner - margin, extent + 2 * margin
     frame = eqx.tree_at(
         lambda f: (f.rotation, f.corner, f.extent),
         _ANY_FRAME,
@@ -187,7 +190,9 @@ def parallel_sight(
     )
     receivers = project(points, frame, jnp.zeros(3, dtype))
     jacobian = (beam_jacobian if beams else plane_jacobian)(points, camera, frame, receivers)
-    depth, lit = dot(forward, points.position), receivers.facing
+    depth = dot(forward, points.position)
+    # Depths have logarithms: what the eye cannot see has none.
+    lit = receivers.facing & (depth > least_depth(dtype))
     near = jnp.where(lit, depth, jnp.inf).min()
     near, far = (
         jnp.where(lit.any(), value, 1) for value in (near, jnp.where(lit, depth, -jnp.inf).max())
@@ -233,7 +238,7 @@ def _narrowest_pixel(points: SurfacePoints, camera: Camera):
     """
     dtype = points.position.dtype
     x, y, z = (dot(jnp.asarray(row, dtype), points.position) for row in camera.rotation)
-    seen = points.valid & (z > LEAST_DEPTH)
+    seen = points.valid & (z > least_depth(dtype))
     z = jnp.where(seen, z, 1)
     x, y = (jnp.where(seen, value, 0) / z for value in (x, y))
     first, second = 1 / jnp.asarray(camera.focal, dtype)
