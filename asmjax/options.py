@@ -22,6 +22,9 @@ MEMORY_MB = 16.0
 PRICE = 0.1
 """Of a second, where nothing is asked of a tuned map, in pixels of shadow edge."""
 
+LARGEST = 2**53
+"""Of numbers that are counts or amounts: up to here a float holds every whole one."""
+
 LEAST_EVALUATIONS = 28
 """Fewer cannot calibrate the surrogate that leads a search, and check what it says."""
 
@@ -49,6 +52,10 @@ class SceneOptions:
 
     light: Annotated[str | None, _named("ID", "the first one")] = None
     """Light that casts the shadow: its name or id, or its index from 0."""
+
+    trust_scene: bool = False
+    """Load a scene file as it is. Otherwise it is checked first, for it can read other files, run
+    code of its own, or crash; docs/scene_files.md says what is refused."""
 
 
 Motion = Literal["camera", "light", "object", "still"]
@@ -502,8 +509,9 @@ def _above(least: float, option: str, got: float | None) -> None:
 
 def _at_least(least: float, option: str, got: float, unit: str) -> None:
     unit = f" {unit}" if unit else ""
+    # Compared, not converted: a whole number may have more digits than any float.
     require(
-        math.isfinite(got) and got >= least,
-        f"{option} is {got}; allowed: a finite number, at least {least:g}{unit}; "
-        f"choose another {option}",
+        least <= got <= LARGEST,
+        f"{option} is {str(got)[:40]}; allowed: a finite number, at least {least:g}{unit}, and at "
+        f"most 2^53; choose another {option}",
     )

@@ -95,7 +95,7 @@ def subject_of(
             memory than may be taken.
     """
     progress("scene")
-    scene = load_scene(options.scene, options.variant)
+    scene = load_scene(options.scene, options.variant, trust=options.trust_scene)
     view = chosen_view(scene, options)
     light = scene.light(options.light)
     progress("eye buffer")
