@@ -1,6 +1,7 @@
 """`asmjax compare`: files, numbers against direct calls, restarts, interruptions, wrong use."""
 
 import csv
+import errno
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -98,6 +99,10 @@ def test_numbers_are_those_of_direct_calls(report):
     length = sum(view["samples"][0]["edge_length_px"] for view in report["views"])
     together = report["trials"][0]["error"]["boundary_displacement_px"]["per_edge_length"]
     assert together == pytest.approx(sum(wrong) / length)
+    # All on one yardstick: the same for all, and of the rays the time itself.
+    rays = report["yardsticks"][0]["ranked_seconds"]["median"]
+    for one in report["trials"]:
+        assert seconds_of(one) == pytest.approx(one["ratio"]["median"] * rays)
     for kind, cost in (("bytes", bytes_of), ("seconds", seconds_of)):
         for one in report["trials"]:
             beaten = any(
@@ -115,7 +120,7 @@ def bytes_of(trial: dict) -> int:
 
 
 def seconds_of(trial: dict) -> float:
-    return trial["seconds"]["total"]["median"]
+    return trial["ranked_seconds"]["median"]
 
 
 def edge_px(trial: dict) -> float:
@@ -268,6 +273,7 @@ def test_the_result_answers_questions(result, report):
     errors = {trial["label"]: edge_px(trial) for trial in trials}
     best = result.best()
     assert best.trial.edge_px == min(errors.values()) == errors[best.label]
+    assert best.algorithm == UniformShadowMap(settings_side(trials, best.label))
     least = min(trials, key=seconds_of)
     assert result.best(error=1e3).label == least["label"]
     with pytest.raises(UseError, match="the least error was"):
@@ -278,6 +284,45 @@ def test_the_result_answers_questions(result, report):
     assert max(map(len, lines)) <= MAX_WIDTH
     assert sum(line.startswith("rays per pixel") for line in lines) == 1
     assert result.plot(1).axes and "<pre>" in result._repr_html_()
+
+
+def settings_side(trials: list[dict], label: str) -> int:
+    """Resolution of the trial of that label."""
+    return next(trial["settings"]["resolution"] for trial in trials if trial["label"] == label)
+
+
+@pytest.mark.mitsuba
+def test_measurements_that_cannot_be_kept_end_it(tmp_path, monkeypatch, capfd):
+    """A full disk is no fault of an algorithm: none is left out for it, and it is one line."""
+
+    def full(descriptor):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("asmjax.experiment.ledger.os.fsync", full)
+    assert cli.main(["compare", *WORDS, "--out", str(tmp_path / "out")]) == 2
+    printed = capfd.readouterr().err.strip()
+    assert printed.startswith("asmjax: error: cannot write measurements to")
+    assert "No space left" in printed and printed.count("\n") == 0
+
+
+@pytest.mark.mitsuba
+def test_what_was_left_out_is_not_missing(tmp_path, monkeypatch):
+    """One setting refused, one measured, then time ends: of four two are still to be tried."""
+    before, calls = Bench.try_all, []
+
+    def second_is_refused(self, algorithms, *args, **kwargs):
+        calls.append(1)
+        if len(calls) == 2:
+            raise UseError("no scene suits it.")
+        return before(self, algorithms, *args, **kwargs)
+
+    late = iter([False, False, True])
+    monkeypatch.setattr(Comparing, "_is_late", lambda self: next(late))
+    monkeypatch.setattr(Bench, "try_all", second_is_refused)
+    assert cli.main(["compare", *WORDS, "--out", str(tmp_path), "--minutes", "5"]) == 0
+    report = json.loads((tmp_path / "report.json").read_text(encoding="utf-8"))
+    assert len(report["trials"]) == 1
+    assert any("time limit: 2 of 4 trials are missing" in line for line in report["notices"])
 
 
 @pytest.mark.mitsuba

@@ -5,7 +5,7 @@ from functools import cache
 from importlib import metadata
 from pathlib import Path
 
-import asmjax
+PACKAGE = Path(__file__).parents[1]
 
 LIBRARIES = ("jax", "jaxlib", "mitsuba", "drjit", "numpy")
 """Whose versions change what is measured."""
@@ -14,10 +14,9 @@ LIBRARIES = ("jax", "jaxlib", "mitsuba", "drjit", "numpy")
 @cache
 def code_facts() -> dict[str, str]:
     """A digest of all source files of the package, and the versions of `LIBRARIES`."""
-    folder = Path(asmjax.__file__).parent
     found = hashlib.sha256()
-    for path in sorted(folder.rglob("*.py")):
-        found.update(f"{path.relative_to(folder).as_posix()}\n".encode())
+    for path in sorted(PACKAGE.rglob("*.py")):
+        found.update(f"{path.relative_to(PACKAGE).as_posix()}\n".encode())
         found.update(path.read_bytes())
     return {"code": found.hexdigest()[:16], **{name: _version(name) for name in LIBRARIES}}
 

@@ -20,6 +20,9 @@ _WIDTH, _HEIGHT, _LEFT, _BELOW = 900, 760, 104, 70
 
 _LEGEND_ROW = 34
 
+YARDSTICKS = {1: "1 ray per pixel", 16: "16 rays per pixel: 16 times as long"}
+"""Traced rays beside which times are read: one is measured, sixteen are reckoned from it."""
+
 CURVE = "#CC3311"
 """Colour of what the surrogate says."""
 
@@ -106,7 +109,8 @@ def draw_tried(
     dots = [dot for panel in panels for dot in _all(panel)]
     errors = np.array([dot.error for dot in dots])
     floor = zero_line(errors)
-    spans = np.array([dot.ms for dot in dots] + [panel.yardstick_ms for panel in panels])
+    marks = [rays * panel.yardstick_ms for panel in panels for rays in YARDSTICKS]
+    spans = np.array([*(dot.ms for dot in dots), *marks])
     for i, panel in enumerate(panels):
         x = EDGE + i * (_LEFT + _WIDTH) + _LEFT
         board.heading(x, EDGE, _WIDTH, panel.title, panel.small)
@@ -156,12 +160,14 @@ def _draw_panel(axes: Axes, panel: TriedPanel, asked: Asked, floor: float, zeros
     if zeros:
         axes.axhline(floor, color="#BBBBBB", linewidth=0.8, zorder=1)
     yardstick = KIND_COLOURS["rays"]
-    axes.axvline(panel.yardstick_ms, color=yardstick, linewidth=1.2, dashes=(5, 3), zorder=1)
-    axes.annotate(
-        "1 ray per pixel", (panel.yardstick_ms, 1), xycoords=("data", "axes fraction"),
-        xytext=(4, -6), textcoords="offset points", rotation=90, ha="left", va="top",
-        color=yardstick, fontsize=8,
-    )  # fmt: skip
+    for rays, words in YARDSTICKS.items():
+        ms = rays * panel.yardstick_ms
+        axes.axvline(ms, color=yardstick, linewidth=1.2, dashes=(5, 3), zorder=1)
+        axes.annotate(
+            words, (ms, 1), xycoords=("data", "axes fraction"), xytext=(4, -6),
+            textcoords="offset points", rotation=90, ha="left", va="top", color=yardstick,
+            fontsize=8,
+        )  # fmt: skip
     lines = _draw_goal(axes, panel, asked, floor)
     if panel.curve is not None:
         axes.plot(*panel.curve, color=CURVE, linewidth=1.4, zorder=2)
