@@ -22,10 +22,11 @@ RAY = Memory(host=10, renderer=28)
 AIMING = Memory(host=190)
 """Of a pixel while the shadow ray of a sample is prepared."""
 
-ANSWER = Memory(host=18, device=8)
-"""Of a sample while the answers of a map, or of shadow rays, become those of its pixel."""
+ANSWER = Memory(host=26, device=28)
+"""Of a sample: a copy of its point where others see nothing, and while the answers of a map, or of
+shadow rays, become those of its pixel."""
 
-ASKING = Memory(host=20, device=60)
+ASKING = Memory(host=20, device=100)
 """Of a pixel while a map is asked about a sample of it."""
 
 MAPS = Memory(host=80, device=120)

@@ -103,7 +103,7 @@ def limit_of(max_memory_mb: float | None = None) -> Limit:
     free = machine.free_memory_bytes()
     if free is None:
         return Limit(None, held, "not known")
-    reason = f"these and {SHARE:.0%} of the {_mb(free)} MB that are free"
+    reason = f"these and {100 * SHARE:.0f} % of the {_mb(free)} MB that are free"
     return Limit(held + int(SHARE * free), held, reason)
 
 

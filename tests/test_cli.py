@@ -50,7 +50,7 @@ def test_every_option_arrives():
     words = (
         "run terrain --view low --size 256 128 --sensor 1 --light sun --memory-mb 0.5 "
         "--time-limit-ms 2.5 --node-resolution 64 --cells 4 --preset paper_2001 --settings my.toml "
-        "--samples 16 --repeats 1 --seed 7 --variant scalar_rgb --recalibrate "
+        "--samples 16 --repeats 1 --seed 7 --variant scalar_rgb --max-memory-mb 512 --recalibrate "
         "--out there --save-arrays --quiet"
     )
     wanted = RunOptions(
@@ -69,6 +69,7 @@ def test_every_option_arrives():
         repeats=1,
         seed=7,
         variant="scalar_rgb",
+        max_memory_mb=512,
         recalibrate=True,
         out="there",
         save_arrays=True,
@@ -88,6 +89,12 @@ def test_every_option_arrives():
     }
     named = {field.name for field in dataclasses.fields(RunOptions)}
     assert changed == named, "name the new option here too"
+
+
+@pytest.mark.parametrize("command", ["run", "analyze", "compare", "tune"])
+def test_max_memory_has_a_short_name_too(command):
+    assert parsed(command, "--max-memory", "2000").max_memory_mb == 2000
+    assert parsed(command).max_memory_mb is None
 
 
 def test_analyze_has_the_options_of_run_but_those_of_walks():
@@ -126,6 +133,9 @@ def test_analyze_has_the_options_of_run_but_those_of_walks():
         ("run --node-resolution 0", "--node-resolution is 0; allowed"),
         ("run --cells 0", "--cells is 0; allowed"),
         ("run --samples 0", "--samples is 0; allowed"),
+        ("run --max-memory 0", "--max-memory is 0.0; allowed"),
+        ("compare --max-memory nan", "--max-memory is nan; allowed"),
+        ("tune --max-memory-mb -1", "--max-memory is -1.0; allowed"),
         ("run --repeats 0", "--repeats is 0; allowed"),
         ("run --seed -1", "--seed"),
         ("run --view", "--view"),

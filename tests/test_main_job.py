@@ -65,6 +65,8 @@ def test_run_writes_a_valid_report_and_all_figures(run_folder):
     assert {path.stem for path in run_folder.glob("*.png")} == FIGURES
     assert all(path.stat().st_size > 5_000 for path in run_folder.glob("*.png"))
     assert (run_folder / "methods.csv").read_text(encoding="utf-8").count("\n") == 4
+    memory = report["memory"]
+    assert 0 < memory["estimate_bytes"] < memory["limit_bytes"] - memory["held_bytes"]
     adaptive = report["methods"][1]
     assert adaptive["bytes"] <= 2**20
     assert adaptive["error"]["misclassified_fraction"] < 0.01

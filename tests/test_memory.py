@@ -1,10 +1,10 @@
 """Estimates of memory: told before anything is made, refused above the limit, with the numbers."""
 
-import json
 import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from helpers.analytic_cases import analytic_case
@@ -159,7 +159,7 @@ def test_the_process_knows_its_own_size():
 
 
 @pytest.mark.parametrize("kind", list(ALGORITHMS.values()), ids=list(ALGORITHMS))
-def test_a_larger_map_takes_more_and_keeps_less_than_its_making(kind):
+def test_a_larger_map_takes_more_and_keeps_less_than_its_making(kind: Any):
     sizes = (
         {"memory_bytes": (2**20, 2**28)}
         if kind is AdaptiveShadowMap
@@ -252,15 +252,3 @@ def test_what_cannot_fit_is_refused_before_it_is_made(
     assert said in told and "(--max-memory)" in told and "raise --max-memory" in told
     assert not (tmp_path / "out").exists()
     assert machine.process_bytes() - before < 200 * MEGABYTE
-
-
-@pytest.mark.mitsuba
-def test_report_says_what_was_estimated(tmp_path, monkeypatch):
-    from asmjax import cli
-
-    monkeypatch.setattr("asmjax.cli.prepare_to_measure", lambda: None)
-    words = "run letter_f --size 48 48 --memory-mb 0.5 --repeats 1 --quiet --max-memory 9000"
-    assert cli.main([*words.split(), "--out", str(tmp_path)]) == 0
-    memory = json.loads((tmp_path / "report.json").read_text())["memory"]
-    assert memory["limit_bytes"] == 9000 * MEGABYTE
-    assert 0 < memory["estimate_bytes"] < memory["limit_bytes"] - memory["held_bytes"]

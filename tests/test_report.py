@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from asmjax.memory import Forecast, Limit, Memory
 from asmjax.report import (
     MAP_NAMES,
     RUN_KEYS,
@@ -219,6 +220,14 @@ def test_a_walkthrough_has_a_schema_of_its_own(path, value, message):
     _set(broken, path, value)
     with pytest.raises(InvalidReport, match=f"^{message}"):
         validate_report(broken)
+
+
+def test_the_estimate_of_memory_is_among_the_keys():
+    made = report(memory=Forecast(Limit(None, 7, "test"), Memory(host=5)))
+    assert made["memory"] == {"held_bytes": 7, "estimate_bytes": 5, "limit_bytes": None}
+    made["memory"]["held_bytes"] = -1
+    with pytest.raises(InvalidReport, match="^memory.held_bytes: expected an integer of at least"):
+        validate_report(made)
 
 
 def test_optional_keys_may_be_absent():

@@ -21,7 +21,7 @@ from asmjax.machine import process_bytes
 from asmjax.memory import Forecast
 from asmjax.options import AnalyzeOptions, CompareOptions, RunOptions
 
-SMALL = {"size": (96, 96), "memory_mb": 1.0}
+SMALL = {"size": (96, 96), "memory_mb": 1.0, "settings": None}
 """Of the job that comes first."""
 
 

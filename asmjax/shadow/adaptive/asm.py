@@ -43,7 +43,7 @@ from asmjax.shadow.comparison import BIAS, Compare, check_test, texel_bytes
 LARGEST_PASS = 0.5
 """Part of the memory limit that one pass may cast; see the stages of `Refiner`."""
 
-LOOK = Memory(host=40, device=140)
+LOOK = Memory(host=40, device=200)
 """Of a pixel that is looked at: receivers, addresses, ratios and what was found."""
 
 
