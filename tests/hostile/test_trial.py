@@ -15,7 +15,8 @@ from asmjax import cli
 from asmjax.errors import UseError
 from asmjax.render import untrusted
 from asmjax.render.untrusted import Trial, admit, examine
-from hostile.building import BALL, mesh_scene, mesh_xml, parts_scene, ply
+from asmjax.scene import mesh_files
+from hostile.building import BALL, mesh_scene, mesh_xml, obj, parts_scene, ply, text_ply
 from hostile.corpus import nested
 
 pytestmark = pytest.mark.timeout(120)
@@ -64,6 +65,17 @@ def test_more_than_the_memory(folder):
     assert "8,192.0 GiB, more than" in refusal(
         lambda: admit(parts_scene(folder, mesh_xml("mesh.ply")))
     )
+
+
+@pytest.mark.parametrize("kind", ["ply", "obj"])
+def test_text_too_large_for_this_process_is_left_to_the_child(kind, folder, monkeypatch):
+    """An index beyond the vertices is found there."""
+    monkeypatch.setattr(mesh_files, "MOST_TEXT", 10)
+    wild = {"ply": text_ply(faces="3 0 1 1073741824\n"), "obj": obj(faces="f 1 2 1073741824\n")}
+    path = mesh_scene(folder, wild[kind], kind)
+    with Trial() as trial:
+        message = refusal(lambda: examine(path, trial))
+    assert "crashed Mitsuba's loader" in message or "invalid vertex" in message, message
 
 
 def test_a_crash_is_one_line_and_the_next_scene_loads(folder):
