@@ -32,7 +32,7 @@ FLAT = 1e-3
 """Directions in which the objective bends less than this part of the most do not move: settings
 that do nothing there have no best value."""
 
-STARTS = 3
+STARTS = 2
 """Of the searches at each price, with and besides continuation."""
 
 SCREENED = 512

@@ -15,6 +15,9 @@ STEP = (0.12, 0.3)
 SCREENED = 512
 """Random points of which a search of the surrogate starts from the best."""
 
+NEW_SIZES = 2
+"""Of the proposals of a round, those that come first for their size of nodes or memory."""
+
 OFF, END = 0.05, 0.03
 """As near to an end of its range a setting is tried at it: off, where it can be, or just there."""
 
@@ -77,6 +80,5 @@ def distinct(
         size = kind.node_resolution, kind.memory_bytes
         (rest if size in seen else first).append(point)
         seen.add(size)
-    most = -(-count // 2)
-    chosen = [*first[:most], *rest, *first[most:]]
+    chosen = [*first[:NEW_SIZES], *rest, *first[NEW_SIZES:]]
     return chosen[:count]

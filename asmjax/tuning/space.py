@@ -34,6 +34,11 @@ SHARES = (2, 8)
 """Shares of pixels that first looks take, that are tried."""
 
 
+BALANCED, TURNS = 6, ((0, 1), (0, 1), (1, 2), (0, 3))
+"""Combinations of steps that are balanced; and of which number, and how slowly, the steps of each
+setting that has some take turns."""
+
+
 @dataclass(frozen=True)
 class Knob:
     """One setting's range.
@@ -119,12 +124,13 @@ class Space:
         return np.array(low), np.array(high)
 
     def with_steps(self, point: np.ndarray, number: int) -> np.ndarray:
-        """The point with the steps of that number: any 8 in a row have each step about as often."""
-        found, period = point.copy(), 0
+        """The point with the steps of that number: any `BALANCED` in a row have each step of each
+        setting as often, and no two settings go together."""
+        found, turns = point.copy(), iter(TURNS)
         for k, knob in enumerate(self.knobs):
             if knob.steps is not None:
-                step = knob.steps[(number >> max(period - 1, 0)) % len(knob.steps)]
-                found[k], period = knob.place(step), period + 1
+                shift, slow = next(turns)
+                found[k] = knob.place(knob.steps[(number + shift) // slow % len(knob.steps)])
         return found
 
     def other_steps(self, point: np.ndarray) -> list[np.ndarray]:

@@ -27,14 +27,11 @@ from asmjax.tuning.goal import LEAST_PX, Goal
 from asmjax.tuning.proposals import around, at_ends, distinct, extremes, preferred, promising
 from asmjax.tuning.result import Candidate, FrontPoint, Outcome, Sensitivity, TuneResult, best_of
 from asmjax.tuning.search import Model, model_of, said_of, search
-from asmjax.tuning.space import NAMES, Space, space_of
+from asmjax.tuning.space import BALANCED, NAMES, Space, space_of
 from asmjax.tuning.tried import RIVALS, Tried, candidate, settings_key
 
 SAMPLES = 40
 """Of the evaluations, those drawn at random that the surrogate is fitted to first."""
-
-SAMPLED_STEPS = 8
-"""Combinations of steps that are drawn, balanced: each has programs of its own to compile."""
 
 ROUNDS, PROPOSALS = 2, 5
 """Rounds of searching, and settings that each proposes and that are measured."""
@@ -194,10 +191,10 @@ class Tuner:
 
     def _drawn(self) -> list[np.ndarray]:
         """As many points at random as there are evaluations; the first `SAMPLES` are the
-        surrogate's."""
+        surrogate's. Few combinations of steps: each has programs of its own to compile."""
         drawn = qmc.Sobol(len(NAMES), seed=self.seed)  # pyright: ignore[reportCallIssue]
         points = drawn.random(1 << (self.evaluations - 1).bit_length())[: self.evaluations]
-        return [self.space.with_steps(point, k % SAMPLED_STEPS) for k, point in enumerate(points)]
+        return [self.space.with_steps(point, k % BALANCED) for k, point in enumerate(points)]
 
     def _fit(self) -> Model:
         """The surrogate fitted to all that the search has measured."""
