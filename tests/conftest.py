@@ -1,6 +1,7 @@
 """Shared by all tests: scratch caches, both precisions, seeded keys, hypothesis profiles.
 
-`HYPOTHESIS_PROFILE=ci` asks for 1,000 examples a property instead of 50.
+`HYPOTHESIS_PROFILE=ci` asks for 1,000 examples a property instead of 50, `ASMJAX_TEST_HARD=1` for
+10,000 and for more of other things too (`helpers.effort`).
 """
 
 import atexit
@@ -11,6 +12,7 @@ import zlib
 
 import hypothesis
 import pytest
+from helpers.effort import EXAMPLES, PROFILE
 
 # Before anything imports Dr.Jit. Workers of xdist inherit the folder of the process that made it.
 if "ASMJAX_TEST_SCRATCH" not in os.environ:
@@ -24,20 +26,20 @@ if "ASMJAX_TEST_SCRATCH" not in os.environ:
     os.environ["JAX_COMPILATION_CACHE_DIR"] = os.path.join(_scratch, "jax")
     os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0.1"
     os.environ["JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES"] = "-1"
-    # A quarter less of it; `ci` compiles as users do.
-    if os.environ.get("HYPOTHESIS_PROFILE", "fast") == "fast":
+    # A quarter less of it; the longer profiles compile as users do.
+    if PROFILE == "fast":
         quick = "--xla_backend_optimization_level=0 --xla_llvm_disable_expensive_passes=true"
         os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} {quick}".strip()
 
 # Compilation happens inside an example, so a deadline per example would measure the compiler.
-hypothesis.settings.register_profile("fast", max_examples=50, deadline=None)
-hypothesis.settings.register_profile("ci", max_examples=1000, deadline=None)
-hypothesis.settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "fast"))
+for _profile, _examples in EXAMPLES.items():
+    hypothesis.settings.register_profile(_profile, max_examples=_examples, deadline=None)
+hypothesis.settings.load_profile(PROFILE)
 
 
 SLOW_FILES = (
     "test_analysis_tr05", "test_siblings", "test_analyze_job", "test_analysis_2001",
-    "test_main_job", "test_walkthrough_job", "test_adaptive_refine", "test_hard_aliasing",
+    "test_main_job", "test_walkthrough_job", "test_adaptive_refine", "test_hard_cases_scene",
     "test_predicted", "test_tuned", "test_blocks", "test_adaptive_pool",
     "test_slow_asm", "test_traces", "test_theory_storage",
 )  # fmt: skip

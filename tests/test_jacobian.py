@@ -6,7 +6,6 @@ induces between two images; and NumPy's SVD. All in float64 to 1e-10.
 
 import jax
 import jax.numpy as jnp
-import mpmath
 import numpy as np
 import pytest
 from helpers.poses import KINDS, Kind, Pose, random_pose, ref_homographies, ref_jacobian
@@ -67,27 +66,6 @@ def test_tangents_lie_in_the_plane_and_move_one_pixel(x64, seed):
         assert np.abs(moved - np.eye(2)[axis][:, None]).max() < 1e-4
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_float32_agrees_with_float64(x64, kind):
-    """Float32 against float64: 1e-5 relative for 99.9 % of 10,000 points, 1e-3 for all.
-
-    Cosines of 0.3 and more: below, the conditioning of the footprint itself amplifies the rounding
-    of the inputs, by 1 / cosine.
-    """
-    pose = random_pose(11, kind, 10_000, least_cosine=0.3)
-    with jax.enable_x64(False):
-        single = np.asarray(pose.jacobian(np.float32))
-        det = np.asarray(determinant(jnp.asarray(single)))
-    assert single.dtype == np.float32
-    double = pose.jacobian()
-    same_face = np.asarray(pose.receivers(np.float32).face == pose.receivers().face)
-    assert same_face.mean() > 0.999
-    wrong = relative_error(single, np.asarray(double))[same_face]
-    assert np.quantile(wrong, 0.999) < 1e-5 and wrong.max() < 1e-3
-    wrong = np.abs(det / np.asarray(determinant(double)) - 1)[same_face]
-    assert np.quantile(wrong, 0.999) < 1e-5 and wrong.max() < 1e-3
-
-
 def random_matrices(count: int) -> np.ndarray:
     """(2, 2, count): entries over many decades, some of the matrices nearly singular."""
     rng = np.random.default_rng(3)
@@ -104,24 +82,6 @@ def test_singular_values_match_svd(x64):
     wanted = np.linalg.svd(np.moveaxis(matrices, -1, 0), compute_uv=False)
     np.testing.assert_allclose(largest, wanted[:, 0], rtol=1e-14)
     assert (np.abs(smallest - wanted[:, 1]) / wanted[:, 0]).max() < 4e-16 * 4
-
-
-def test_singular_values_match_50_digits(x64):
-    """To 1e-12 relative, times the condition of the determinant for the smallest value.
-
-    The determinant is a difference: its relative error is the rounding over the cancelled digits.
-    """
-    matrices = random_matrices(1000)
-    largest, smallest = (np.asarray(s) for s in singular_values(jnp.asarray(matrices)))
-    with mpmath.workdps(50):
-        for i in range(matrices.shape[2]):
-            (a, b), (c, d) = [[mpmath.mpf(x) for x in row] for row in matrices[:, :, i].tolist()]
-            det = abs(a * d - b * c)
-            squares = a * a + b * b + c * c + d * d
-            wide = mpmath.sqrt((squares + mpmath.sqrt(squares**2 - 4 * det**2)) / 2)
-            assert abs(largest[i] / wide - 1) < 1e-12
-            cancelled = max(1.0, float((abs(a * d) + abs(b * c)) / det))
-            assert abs(smallest[i] / (det / wide) - 1) < 1e-15 * 4 * cancelled
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -168,8 +128,8 @@ def test_batches_over_cameras_equal_a_loop(x64):
     smallest = min(p.columns.size for p in poses)
 
     def one(points, camera):
-        offset = jnp.asarray(points.origin) - frame.origin
-        return uv_jacobian(points, camera, frame, project(points, frame, offset))
+        receivers = project(points, frame, light_offset(points, frame))
+        return uv_jacobian(points, camera, frame, receivers)
 
     cut = [
         Pose(p.camera, frame, p.world[:, :smallest], p.normal[:, :smallest], p.columns, p.rows)
@@ -183,7 +143,7 @@ def test_batches_over_cameras_equal_a_loop(x64):
 
     batch = jax.jit(jax.vmap(one))(stack(points), stack([c.camera for c in cut]))
     np.testing.assert_allclose(batch, jnp.stack(loop), rtol=1e-12, atol=1e-15)
-    assert light_offset(points[0], frame).shape == (3,)
+    assert light_offset(points[0], frame).shape == (1, 3)
 
 
 def test_kinds_are_all_tested():

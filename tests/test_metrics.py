@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from hypothesis import given
+from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.ndimage import distance_transform_edt
 
@@ -21,6 +22,11 @@ from asmjax.metrics import (
 from asmjax.metrics.windows import box_sum
 
 IMAGES = arrays(bool, (7, 9))
+DEPTHS = arrays(
+    np.float64,
+    (7, 9),
+    elements=st.sampled_from((5e-324, 1e-310, 1e-45, 1e-6, 1.0, 1e6)) | st.floats(1e-6, 1e6),
+)
 MASKS = arrays(bool, (7, 9))
 
 
@@ -249,6 +255,19 @@ def test_a_sphere_pairs_with_itself_up_to_its_silhouette():
     depth = np.where(inside, 10 - np.sqrt(np.maximum(40**2 - x**2 - y**2, 0)) / 40, 30.0)
     pairs = surface_pairs(np.ones((100, 100), bool), depth)
     np.testing.assert_array_equal(pairs.right, inside[:, :-1] == inside[:, 1:])
+
+
+@given(DEPTHS, IMAGES, IMAGES, MASKS)
+def test_everything_is_finite(depth, truth, ours, valid):
+    """R1: for depths down to the smallest number there is, whose inverse is infinite; and the unit
+    of length does not count."""
+    pairs = surface_pairs(valid, depth)
+    found = error_summary(truth, ours, valid, pairs)
+    numbers = [*found["boundary_displacement_px"].values(), found["misclassified_fraction"]]
+    assert np.isfinite(numbers).all()
+    if depth.min() > 1e-300:
+        for one, other in zip(surface_pairs(valid, depth * 2.0**40), pairs, strict=True):
+            np.testing.assert_array_equal(one, other)
 
 
 def test_depth_must_be_positive_where_valid():

@@ -7,20 +7,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers.gradients import (
-    assert_finite,
-    assert_gradient,
-    hostile_arrays,
-    unit_or_zero,
-    value_and_gradient,
-)
 from helpers.planes import square_light
 from helpers.poses import KINDS, Pose, random_pose, surface_points
-from hypothesis import example, given
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from asmjax.buffers import SurfacePoints, light_offset, project
+from asmjax.buffers import light_offset, project
 from asmjax.errors import UseError
 from asmjax.footprint import (
     LOG2_WORST,
@@ -159,18 +152,6 @@ def test_matches_the_twin(x64, kind):
         assert_allclose(got, ref_ratio(pose, RESOLUTION, most, tile, eight_bit), atol=1e-9)
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_float32_agrees_with_float64(x64, kind):
-    """As the Jacobian: 1e-5 relative for nearly all points, 1e-3 for all; here in octaves."""
-    pose = random_pose(11, kind, least_cosine=0.3)
-    with jax.enable_x64(False):
-        single = read_ratio(pose, np.float32)
-    assert single.dtype == np.float32
-    same_face = np.asarray(pose.receivers(np.float32).face == pose.receivers().face)
-    wrong = np.abs(single - read_ratio(pose))[same_face]
-    assert np.quantile(wrong, 0.99) < 2e-5 and wrong.max() < 2e-3
-
-
 def slanted(stretch: float) -> Pose:
     """A plane below a parallel light of texels 2^-5 wide at resolution 32, looked at from 2 units
     away under a cosine of 1 / stretch: the pixel in the middle is 2^-8 wide and stretch / 2^8 long.
@@ -264,46 +245,6 @@ def test_settings_that_mean_nothing_are_refused():
         log2_mipmap_ratio(*arguments, tile=0.0)
 
 
-CAMERA = random_pose(0).camera
-FRAMES = [random_pose(0, kind).frame for kind in ("point", "directional")]
-
-
-def chain(frame, offset):
-    """The ratio as a function of position and normal; filtering the stretch looks at both axes."""
-
-    def kernel(position, normal):
-        count = position.shape[1]
-        points = SurfacePoints(
-            position=position,
-            normal=normal,
-            prim=jnp.arange(count, dtype=jnp.int32),
-            valid=jnp.arange(count) != 3,
-            origin=CAMERA.origin,
-        )
-        receivers = project(points, frame, offset)
-        return log2_mipmap_ratio(points, CAMERA, frame, receivers, max_anisotropy=4.0)
-
-    return kernel
-
-
-@eqx.filter_jit
-def chain_gradients(frame, offset, position, normal):
-    return value_and_gradient(chain(frame, offset))(position, normal)
-
-
-@given(hostile_arrays((3, 8)), hostile_arrays((3, 8)))
-@example(np.zeros((3, 8)), np.zeros((3, 8)))
-def test_finite_for_any_finite_input(position, normal):
-    """Value and gradient at the eye, at and behind the light, grazing, and masked."""
-    normal = unit_or_zero(normal)
-    for dtype in (np.float32, np.float64):
-        with jax.enable_x64(dtype == np.float64):
-            for frame in FRAMES:
-                offset = CAMERA.origin - frame.origin
-                arguments = (jnp.asarray(a, dtype) for a in (position, normal))
-                assert_finite(chain_gradients(frame, offset, *arguments))
-
-
 @given(st.floats(1e-6, 1.0), st.floats(0, 6.28), st.floats(1e-3, 1e3))
 def test_matches_the_twin_however_grazing(cosine, turn, scale):
     """One point under any slant to the eye, scenes of millimetres and of kilometres; float64."""
@@ -324,20 +265,6 @@ def test_matches_the_twin_however_grazing(cosine, turn, scale):
         tile = jnp.asarray(scale)
         got = read(points, camera, frame, receivers, 16, max_anisotropy=2.0, tile=tile)
         assert_allclose(np.asarray(got), ref_ratio(pose, 16, 2.0, scale), atol=1e-6)
-
-
-@pytest.mark.parametrize("k", range(2))
-def test_gradients(x64, k):
-    """Against central differences, where no kink of a level or of a longest axis lies between."""
-    pose = random_pose(0, KINDS[k], 100, least_cosine=0.2)
-    pose = Pose(CAMERA, FRAMES[k], pose.world, pose.normal, pose.columns, pose.rows)
-    facing = np.flatnonzero(pose.receivers().facing)[:8]
-    assert facing.size == 8
-    assert_gradient(
-        chain(FRAMES[k], CAMERA.origin - FRAMES[k].origin),
-        pose.world[:, facing] - CAMERA.origin[:, None],
-        pose.normal[:, facing],
-    )
 
 
 def test_it_stands_in_for_the_exact_ratio(x64):

@@ -7,7 +7,15 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers.analytic_cases import analytic_case, case_of
-from helpers.gradients import assert_finite, assert_gradient, value_and_gradient
+from helpers.gradients import (
+    assert_finite,
+    assert_gradient,
+    hostile_arrays,
+    unit_or_zero,
+    value_and_gradient,
+)
+from hypothesis import given
+from hypothesis import strategies as st
 
 from asmjax.buffers import SurfacePoints
 from asmjax.experiment.aliasing import aliasing_maps
@@ -333,6 +341,24 @@ def test_everything_is_finite(case, dtype):
         np.testing.assert_array_equal(found[0], 0.0)
     elif case == "one":
         assert float(found[0][0]) < 0, "one receiver has all texels"
+
+
+@given(hostile_arrays((2, 3, 8)), st.integers(0, 2**32 - 1))
+def test_everything_is_finite_for_any_points(numbers, seed):
+    """R1: eight of the 64 points and normals are anything, and so are direction and layout, within
+    what is allowed."""
+    position, normal, _ = hostile("")
+    position, normal = position.copy(), normal.copy()
+    position[:, :8], normal[:, :8] = numbers[0], unit_or_zero(numbers[1])
+    rng = np.random.default_rng(seed)
+    direction = rng.normal(size=3) * 10.0 ** rng.uniform(-9, 0, 3)
+    splits = np.sort(10.0 ** rng.uniform(-3, 6, 2))
+    u, shares = 10.0 ** rng.uniform(-6, 6, (2, 1, 3))
+    for dtype in (np.float32, np.float64):
+        with jax.enable_x64(dtype == np.float64):
+            arguments = (direction, position, normal, u, splits, shares)
+            found = predicted(dtype == np.float64)(*(jnp.asarray(a, dtype) for a in arguments))
+            assert_finite(found)
 
 
 def test_receivers_lit_edge_on_do_not_count(x64):

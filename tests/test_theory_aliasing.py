@@ -4,9 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers.gradients import hostile_arrays
-from helpers.theory import COUNT, compiled, derivative, finite, in_range, shares, slopes
-from hypothesis import example, given
+from helpers.theory import compiled, derivative, in_range
 from numpy.testing import assert_allclose
 from scipy.stats import qmc
 
@@ -255,52 +253,6 @@ def test_bounds_hold_for_any_jacobian(x64):
     assert (worst_rms <= rms_bound * (1 + 1e-9)).all()
     assert (worst_rms > 0.999 * rms_bound).all()
     assert worst.min() > 0 and (worst / bound).max() > 0.99
-
-
-def axis(depth, cos_off_axis, width, distance, cos_eye, cos_light):
-    eye = theory.log2_point_beam(depth, cos_off_axis, width, distance, 64.0)
-    light = theory.log2_parallel_beam(distance, 256.0, width)
-    return theory.axis_aliasing(eye, light, cos_eye, cos_light)
-
-
-AXIS = {
-    "m": lambda *args: axis(*args).m,
-    "projective": lambda *args: axis(*args).projective,
-}
-EDGES = {
-    "edges": lambda a, b, c, d, x, y: theory.texel_edges(_square(a, b, c, d), 4.0),
-    "lengths": lambda a, b, c, d, x, y: theory.edge_lengths(_square(a, b, c, d))[0],
-    "mean": lambda a, b, c, d, x, y: theory.mean_displacement(
-        _square(a, b, c, d), jnp.stack([x, y])
-    ),
-    "rms": lambda a, b, c, d, x, y: theory.rms_displacement(_square(a, b, c, d), jnp.stack([x, y])),
-}
-
-
-def _square(a, b, c, d):
-    return jnp.stack([jnp.stack([a, b]), jnp.stack([c, d])])
-
-
-FINITE = finite(AXIS | EDGES)
-SLOPES = slopes(AXIS), slopes({name: EDGES[name] for name in ("lengths", "mean", "rms")})
-
-
-@given(hostile_arrays((6, COUNT)))
-@example(np.zeros((6, COUNT)))
-@example(np.ones((6, COUNT)))
-def test_finite_for_any_input(arguments):
-    FINITE(arguments)
-
-
-@given(shares(6))
-def test_gradients(share):
-    """Central differences of the axis formula and of M4, away from its kinks."""
-    sizes = in_range(share, 0.01, 1.0)
-    SLOPES[0](sizes, sizes)
-    # A > B > 0 by a margin.
-    a, b, c, d, x, y = sizes
-    x, y = 0.5 + 0.4 * x, 0.4 * y
-    SLOPES[1]((4 + a, b, c, d, x, y), (1.0, b, c, d, x, y))
 
 
 def test_jit_changes_nothing(x64):

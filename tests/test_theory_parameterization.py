@@ -6,9 +6,8 @@ import jax
 import mpmath
 import numpy as np
 import pytest
-from helpers.gradients import hostile_arrays
-from helpers.theory import COUNT, compiled, derivative, finite, in_range, shares, slopes
-from hypothesis import example, given
+from helpers.theory import compiled, derivative, in_range, shares
+from hypothesis import given
 from numpy.testing import assert_allclose
 
 from asmjax import theory
@@ -347,58 +346,7 @@ def test_limits_of_the_depth_range(dtype):
     assert_allclose(fast.logarithmic_m_z(1e8, THETA), 0.866025 * np.log(1e8), rtol=1e-5)
 
 
-KERNELS = {
-    "s_of_z": lambda z, s, alpha, u, xi, theta: theory.s_of_z(z, alpha, u),
-    "z_of_s": lambda z, s, alpha, u, xi, theta: theory.z_of_s(s, alpha, u),
-    "m_z": lambda z, s, alpha, u, xi, theta: theory.m_z(z, alpha, u, theta),
-    "m_x": lambda z, s, alpha, u, xi, theta: theory.m_x(z, alpha, u),
-    "m_z_max": lambda z, s, alpha, u, xi, theta: theory.m_z_max(alpha, u, theta),
-    "u_from_xi": lambda z, s, alpha, u, xi, theta: theory.u_from_xi(xi, alpha),
-    "xi_from_u": lambda z, s, alpha, u, xi, theta: theory.xi_from_u(u, alpha),
-    "u_lispsm": lambda z, s, alpha, u, xi, theta: theory.u_lispsm(alpha),
-    "n_from_u": lambda z, s, alpha, u, xi, theta: theory.n_from_u(u),
-    "u_from_n": lambda z, s, alpha, u, xi, theta: theory.u_from_n(z),
-    "logarithmic_m_z": lambda z, s, alpha, u, xi, theta: theory.logarithmic_m_z(alpha, theta),
-    "log_s": lambda z, s, alpha, u, xi, theta: theory.log_perspective_s(z, alpha, u),
-    "log_z": lambda z, s, alpha, u, xi, theta: theory.log_perspective_z(s, alpha, u),
-    "log_m_z": lambda z, s, alpha, u, xi, theta: theory.log_perspective_m_z(z, alpha, u, theta),
-}
 """Those that all others are made of."""
-
-FINITE = finite(KERNELS, infinite_values=("n_from_u",))
-SLOPES = slopes(KERNELS)
-
-
-def limits(alpha: float) -> np.ndarray:
-    """Both ends of z, s, u and xi at one alpha."""
-    ends = [
-        (z, s, alpha, u, 2 * u - 1, 0.5) for z, s in ((1.0, 0.0), (alpha, 1.0)) for u in (0.0, 1.0)
-    ]
-    return np.array(ends).T.copy()
-
-
-@given(hostile_arrays((6, COUNT)))
-@example(np.zeros((6, COUNT)))
-@example(limits(1.0))
-@example(limits(1e8))
-def test_finite_for_any_input(arguments):
-    """Values and gradients in both precisions, for arguments outside of what is allowed too;
-    only the n of the uniform map is infinite."""
-    FINITE(arguments)
-
-
-@given(shares(6))
-def test_gradients(share):
-    """Central differences in proportion to z - 1, alpha - 1, u and theta, away from kinks."""
-    alpha = 1 + in_range(share[0], 1e-2, 1e8)
-    z = 1 + in_range(share[1], 1e-2, 1) * (alpha - 1)
-    u = in_range(share[2], 1e-3, 0.999)
-    # The largest error moves from the near to the far plane, and xi changes sign.
-    kink = np.abs(u * (1 + np.sqrt(alpha)) - 1) < 1e-3
-    u = np.where(kink, u * 0.9, u)
-    xi = np.where(share[3] < 0.5, -1, 1) * in_range(share[3], 1e-3, 0.99)
-    s, theta = 0.9 * share[4], in_range(share[5], 0.01, 1.5)
-    SLOPES((z, s, alpha, u, xi, theta), (z - 1, 0.1, alpha - 1, u, 1e-2, 0.1 * theta))
 
 
 def test_jit_changes_nothing(x64):

@@ -5,9 +5,7 @@ from functools import cache
 import jax
 import numpy as np
 import pytest
-from helpers.gradients import hostile_arrays
-from helpers.theory import COUNT, compiled, finite, in_range, shares, slopes
-from hypothesis import example, given
+from helpers.theory import compiled, in_range
 from numpy.testing import assert_allclose
 
 from asmjax import theory
@@ -221,50 +219,7 @@ def test_limits_of_the_depth_range(dtype):
     assert np.isfinite(most())
 
 
-KERNELS = {
-    "perspective": lambda alpha, theta, u, gamma: (
-        theory.overhead_factors(alpha, theta, "perspective", u, 2).storage
-    ),
-    "log_perspective": lambda alpha, theta, u, gamma: (
-        theory.overhead_factors(alpha, theta, "log_perspective", u).storage
-    ),
-    "direction": lambda alpha, theta, u, gamma: (
-        theory.direction_factors(alpha, theta, gamma, u, k=2).storage
-    ),
-    "log_direction": lambda alpha, theta, u, gamma: (
-        theory.direction_factors(alpha, theta, gamma, u, logarithmic=True).storage
-    ),
-    "lispsm": lambda alpha, theta, u, gamma: (
-        theory.direction_storage(alpha, theta, gamma, "lispsm").storage
-    ),
-}
 """Of alpha, theta, u and gamma."""
-
-FINITE = finite(
-    KERNELS | {"best": lambda alpha, theta, u, gamma: theory.best_strength(alpha, theta, gamma)}
-)
-SLOPES = slopes(KERNELS)
-
-
-@given(hostile_arrays((4, COUNT)))
-@example(np.zeros((4, COUNT)))
-@example(np.ones((4, COUNT)))
-@example(np.array([[1e8] * COUNT, [0.5] * COUNT, [0, 1, 0, 1], [0, 0, 3.2, 1.5]]))
-def test_finite_for_any_input(arguments):
-    FINITE(arguments)
-
-
-@given(shares(4))
-def test_gradients(share):
-    """Central differences away from where the maximum moves to another vertex."""
-    alpha = 1 + in_range(share[0], 1e-2, 1e6)
-    theta, gamma = 0.1 + share[1], 0.2 + 1.3 * share[3]
-    u = in_range(share[2], 1e-3, 0.99)
-    # A maximum of several smooth functions has no derivative where two are as large.
-    lower = np.sin(gamma) - np.tan(theta) * np.cos(gamma)
-    u = np.where(np.abs(u * (1 + alpha**0.25) - 1) < 1e-3, 0.9 * u, u)
-    gamma = np.where(np.abs(lower) < 1e-3, gamma + 0.01, gamma)
-    SLOPES((alpha, theta, u, gamma), (alpha - 1, 0.1 * theta, u, 0.1))
 
 
 @pytest.mark.parametrize(

@@ -4,9 +4,8 @@ import jax
 import mpmath
 import numpy as np
 import pytest
-from helpers.gradients import assert_gradient, hostile_arrays
-from helpers.theory import COUNT, compiled, finite, in_range, shares, slopes
-from hypothesis import example, given
+from helpers.theory import COUNT, compiled, in_range, shares
+from hypothesis import given
 from numpy.testing import assert_allclose
 
 from asmjax import theory
@@ -157,51 +156,6 @@ def test_named_splits(x64):
     assert_allclose(by_ratio, [1, 2, 4, 8, 16], rtol=1e-14)
     assert_allclose(practical_splits(1.0, 16.0, 4), (even + by_ratio) / 2, rtol=1e-14)
     assert_allclose(practical_splits(1.0, 16.0, 1), [1, 16], rtol=1e-14)
-
-
-def test_split_positions_differentiate(x64):
-    """By near, far and weight, as central differences do."""
-    assert_gradient(
-        lambda near, far, weight: theory.practical_splits(near, far, 4, weight),
-        np.array(0.7), np.array(3.0), np.array(0.4),
-    )  # fmt: skip
-    errors = np.array([1.0, 2.5, 0.3, 0.9])
-    assert_gradient(lambda e: theory.allocate(e, 64.0), errors)
-
-
-KERNELS = {
-    "subdivided": lambda alpha, k, xi, theta, ratio: theory.subdivided_m_z_max(
-        alpha, k, xi, theta, ratio
-    ),
-}
-FINITE = finite(
-    KERNELS
-    | {
-        "allocate": lambda alpha, k, xi, theta, ratio: theory.allocate(alpha, 100.0),
-        "splits": lambda alpha, k, xi, theta, ratio: theory.practical_splits(
-            alpha[0], k[0], COUNT - 1, xi[0]
-        ),
-    }
-)
-SLOPES = slopes(KERNELS)
-
-
-@given(hostile_arrays((5, COUNT)))
-@example(np.ones((5, COUNT)))
-@example(np.zeros((5, COUNT)))
-@example(np.full((5, COUNT), 1e8))
-def test_finite_for_any_input(arguments):
-    FINITE(arguments)
-
-
-@given(shares(5))
-def test_gradients(share):
-    """Central differences, k included."""
-    alpha = 1 + in_range(share[0], 1e-3, 1e8)
-    k = in_range(share[1], 1.01, 20.0)
-    xi = np.where(share[2] < 0.5, -1, 1) * in_range(share[2], 1e-3, 0.99)
-    theta, ratio = in_range(share[3], 0.01, 1.5), in_range(share[4], 0.1, 10.0)
-    SLOPES((alpha, k, xi, theta, ratio), (alpha - 1, 0.01 * k, 1e-2, 0.1 * theta, ratio))
 
 
 def test_jit_changes_nothing(x64):

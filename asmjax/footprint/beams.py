@@ -35,11 +35,12 @@ def log2_perspective_error(
     Returns:
         Where nothing is known, `LOG2_WORST`: not facing, not in front of the camera, no texel.
     """
-    texel, held = _log2_widest_texel(frame, receivers, density)
+    width, log2_fineness, held = _widest_texel(frame, receivers, density)
     pixel = _narrowest_pixel(points, camera)
     known = receivers.facing & held & (pixel > 0)
-    # Scenes are of any scale, so no width is too small for its logarithm.
-    ratio = texel - jnp.log2(jnp.where(known, pixel, 1))
+    # Divided first: logarithms of widths in scene units would lose digits to the unit.
+    widths = jnp.where(known, width, 1) / jnp.where(known, pixel, 1)
+    ratio = jnp.log2(widths) - log2_fineness
     return jnp.where(known, jnp.minimum(ratio, LOG2_WORST), LOG2_WORST)
 
 
@@ -59,12 +60,12 @@ def _narrowest_pixel(points: SurfacePoints, camera: Camera):
     return jnp.where(seen, narrowest, 0)
 
 
-def _log2_widest_texel(frame: LightFrame, receivers: Receivers, density):
-    """log2 of the width (n,) of a texel's beam in its widest direction, scene units, and whether
-    there is a texel of any width.
+def _widest_texel(frame: LightFrame, receivers: Receivers, density):
+    """Width (n,) of a texel's beam in its widest direction, as a width in scene units and log2 of
+    what that is divided by; and whether there is a texel of any width.
 
     Its steps are those of the inverse of `density`: by adjugate and determinant, in parts of the
-    largest entry, whose powers are put back as logarithms. No product leaves the range of float32.
+    largest entry. Both are left to the logarithm, so no product leaves the range of float32.
     """
     dtype = density.dtype
     _, corner, extent = of_face(frame, receivers.face, lambda a: jnp.asarray(a, dtype))
@@ -77,9 +78,8 @@ def _log2_widest_texel(frame: LightFrame, receivers: Receivers, density):
         x, y = (corner[k] + receivers.uv[k] * extent[k] for k in range(2))
     widest, _ = _extremes(scale * jnp.stack([d, -c]), scale * jnp.stack([-b, a]), x, y)
     held = (area > jnp.finfo(dtype).eps ** 2) & (widest > 0)
-    parts = (jnp.where(held, part, 1) for part in (widest, depth, area, largest))
-    width, depth, area, largest = (jnp.log2(part) for part in parts)
-    return width + depth - area - largest, held
+    log2_fineness = sum(jnp.log2(jnp.where(held, part, 1)) for part in (area, largest))
+    return widest * depth, log2_fineness, held
 
 
 def _extremes(first, second, x, y):

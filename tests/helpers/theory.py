@@ -1,7 +1,6 @@
-"""What the tests of the theory share: kernels that are checked together, numbers of its tables."""
+"""What the tests of the theory share: functions compiled once, numbers of its tables."""
 
-from collections.abc import Callable, Collection, Mapping
-from functools import partial
+from collections.abc import Callable
 
 import jax
 import jax.numpy as jnp
@@ -9,20 +8,14 @@ import numpy as np
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from helpers.gradients import value_and_gradient
-
-Kernels = Mapping[str, Callable]
-
 COUNT = 4
 """Values of each argument in one example: one shape, so each kernel is compiled once."""
-
 
 PADDED = 64
 """Arguments of `compiled` functions are padded to a multiple of this many."""
 
-
 QUICKLY = {"xla_backend_optimization_level": 0}
-"""For what runs a hundred times in microseconds and takes seconds to compile."""
+"""For what runs once, or in microseconds, and takes seconds to compile."""
 
 
 def shares(rows: int) -> st.SearchStrategy[np.ndarray]:
@@ -55,85 +48,6 @@ def derivative(function: Callable) -> Callable[..., np.ndarray]:
         return jax.jvp(lambda x: function(x, *others), (x,), (jnp.ones_like(x),))[1]
 
     return compiled(along_first)
-
-
-def finite(kernels: Kernels, infinite_values: Collection[str] = ()):
-    """A check for stacked arguments: in both precisions no value or gradient of these kernels is
-    NaN or infinite, but values of those named may be infinite."""
-    each = {name: value_and_gradient(kernel) for name, kernel in kernels.items()}
-
-    @partial(jax.jit, compiler_options=QUICKLY)
-    def wrong(stacked):
-        """(kernels, 1 + arguments): whether the value or a gradient is not finite. One array:
-        hundreds of small ones take longer to fetch than to compute."""
-        return jnp.stack([
-            jnp.stack([
-                (jnp.isnan if name in infinite_values else _not_finite)(value).any(),
-                *(_not_finite(g).any() for g in gradient),
-            ])
-            for name, (value, gradient) in (
-                (name, both(*stacked)) for name, both in each.items()
-            )
-        ])  # fmt: skip
-
-    def check(arguments: np.ndarray) -> None:
-        for dtype in (np.float32, np.float64):
-            with jax.enable_x64(dtype == np.float64):
-                found = np.asarray(wrong(np.asarray(arguments, dtype)))
-            bad = [name for name, flags in zip(kernels, found, strict=True) if flags.any()]
-            assert not bad, f"{dtype.__name__}: {bad} not finite (value, gradients):\n{found}"
-
-    return check
-
-
-def _not_finite(x):
-    return ~jnp.isfinite(x)
-
-
-def slopes(kernels: Kernels, step: float = 1e-6):
-    """A check of derivatives in float64 against central differences, one compilation for all.
-
-    It takes one array (COUNT,) for each argument, and the size of each push (0: not pushed);
-    differences may be off by 1e-4, and by 1e-8 of the value for rounding.
-    """
-
-    def pair(kernel, args, pushes):
-        value, forward = jax.jvp(kernel, args, pushes)
-
-        def shifted(t):
-            return kernel(*(a + t * p for a, p in zip(args, pushes, strict=True)))
-
-        # Both at once: compiled once.
-        after, before = jax.vmap(shifted)(jnp.array([step, -step]))
-        return value, forward, (after - before) / (2 * step)
-
-    @partial(jax.jit, compiler_options=QUICKLY)
-    def wrong(args, sizes):
-        """Shares of the allowed error: (arguments, kernels, COUNT)."""
-        args = tuple(args)
-
-        def along(k):
-            pushes = tuple(jnp.where(i == k, size, 0.0) for i, size in enumerate(sizes))
-            found = []
-            for kernel in kernels.values():
-                value, forward, central = pair(kernel, args, pushes)
-                allowed = 1e-4 * jnp.abs(forward) + 1e-8 * jnp.abs(value) + 1e-12
-                found.append(jnp.abs(central - forward) / allowed)
-            return jnp.stack(found)
-
-        return jax.vmap(along)(jnp.arange(len(args)))
-
-    def check(args, sizes) -> None:
-        with jax.enable_x64(True):
-            args, sizes = (
-                np.stack([np.broadcast_to(np.asarray(a, np.float64), COUNT) for a in rows])
-                for rows in (args, sizes)
-            )
-            found = np.asarray(wrong(args, sizes))
-        bad = [name for i, name in enumerate(kernels) if not (found[:, i] <= 1).all()]
-        assert not bad, f"{bad}: error / allowed error {found} at {args}"
-
-    return check
 
 
 def in_range(share, low: float, high: float) -> np.ndarray:

@@ -1,0 +1,53 @@
+"""R7: the same scene, settings and seed give bit-equal maps, trees and errors in two processes."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from helpers.digests import RENDERED
+from helpers.registry import SIBLINGS, VARIANTS
+
+CONFIGURATIONS = 20
+
+
+def renderer() -> bool:
+    from asmjax.errors import UseError
+    from asmjax.render.variant import activate
+
+    try:
+        activate()
+    except UseError:
+        return False
+    return True
+
+
+@pytest.mark.timeout(600)
+def test_two_processes_make_the_same_maps():
+    """20 of 20: every algorithm and variant, two of them cast by Mitsuba where it starts. The
+    processes have other hash seeds and share two cores; builds with a limit of time are exempt."""
+    with_mitsuba = renderer()
+    tests = str(Path(__file__).parent)
+    children = [
+        subprocess.Popen(
+            [sys.executable, "-m", "helpers.digests", *(["--rendered"] if with_mitsuba else [])],
+            env=os.environ | {
+                "PYTHONPATH": os.pathsep.join(filter(None, [tests, os.environ.get("PYTHONPATH")])),
+                "PYTHONHASHSEED": seed,
+            },
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        for seed in ("1", "2")
+    ]  # fmt: skip
+    outputs = [child.communicate(timeout=500) for child in children]
+    for child, (_, problem) in zip(children, outputs, strict=True):
+        assert child.returncode == 0, problem
+    one, other = (out.splitlines() for out, _ in outputs)
+    assert len(one) == CONFIGURATIONS - (0 if with_mitsuba else RENDERED)
+    assert one == other
+    assert len({line.split()[-1] for line in one}) == len(one), "digests tell states apart"
+    named = {line.split()[0] for line in one}
+    assert named == {sibling.name for sibling in (*SIBLINGS, *VARIANTS)}
