@@ -41,7 +41,7 @@ FIGURES = Memory(host=260)
 EVIDENCE = Memory(host=450, device=60)
 """Of a pixel: the nodes on every level that hold it, and how many share them."""
 
-ONE_BY_ONE = Memory(host=420)
+ONE_BY_ONE = Memory(host=200)
 """Of a ray of a scalar variant, whose rays are Python's numbers."""
 
 BEGUN = MEGABYTE * Memory(host=40, device=70)

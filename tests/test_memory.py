@@ -160,13 +160,10 @@ def test_the_process_knows_its_own_size():
 
 @pytest.mark.parametrize("kind", list(ALGORITHMS.values()), ids=list(ALGORITHMS))
 def test_a_larger_map_takes_more_and_keeps_less_than_its_making(kind: Any):
-    sizes = (
-        {"memory_bytes": (2**20, 2**28)}
-        if kind is AdaptiveShadowMap
-        else {"resolution": (512, 8192)}
-    )
-    ((name, values),) = sizes.items()
-    small, large = (kind(**{name: value}).memory(1) for value in values)
+    adaptive = kind is AdaptiveShadowMap
+    name, sizes = ("memory_bytes", (2**20, 2**28)) if adaptive else ("resolution", (512, 8192))
+    settings: list[dict[str, Any]] = [{name: size} for size in sizes]
+    small, large = (kind(**given).memory(1) for given in settings)
     for need in (small, large):
         assert 0 < need.state.bytes <= need.build.bytes
     assert small.state.bytes < large.state.bytes and small.build.bytes < large.build.bytes

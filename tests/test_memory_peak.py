@@ -1,4 +1,4 @@
-"""R14: estimates of memory against the peak that is measured, within a quarter for 13 jobs.
+"""R14: estimates of memory against the peak that is measured, within a quarter for 14 jobs.
 
 Rationale: an estimate that is too small lets a job be killed that should have been refused, one
 that is too large refuses what would fit. Setup: a child process for each size, which runs a small
@@ -21,6 +21,10 @@ TOLERANCE = 0.25
 ROOM, F = {"scene": "paper_room"}, {"scene": "letter_f"}
 
 SIZES: dict[str, tuple[str, dict]] = {
+    "one map": (
+        "analyze",
+        F | {"size": (768, 768), "angles": 0, "memory_mb": 64, "methods": ("uniform",)},
+    ),
     "letter_f": ("run", F | {"size": (512, 512)}),
     "512 x 512": ("run", ROOM | {"size": (512, 512)}),
     "1024 x 1024": ("run", ROOM | {"size": (1024, 1024)}),
