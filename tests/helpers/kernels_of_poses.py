@@ -399,6 +399,8 @@ def _footprint_kernel(kind: Kind) -> Kernel:
         near=_with_density(kind, _near),
         digits=functools.partial(_footprint_digits, kind),
         pushes=lambda position, normal, density: (*_ones(position, normal), np.abs(density)),
+        # Of several faces one is chosen, whose slopes are those of a single one.
+        slopes=kind != "cube",
     )
 
 

@@ -4,15 +4,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from asmjax.geometry import LightFrame, in_domain, towards_light
-from asmjax.scene.analytic import closest
-from asmjax.scene.analytic_rays import AnalyticRays, analytic_eye, scene_bounds
-from asmjax.scene.lights import light_frame
+from asmjax.geometry import LightFrame
+from asmjax.hard_cases import Scene, Setup, traced
 from asmjax.scene.spec import LightSpec, Shape, ViewSpec
 from helpers.analytic_cases import Case
-
-LIFTED = 1e-9
-"""Shadow rays start this much of their coordinates' size above the surface."""
 
 
 def traced_case(
@@ -22,27 +17,23 @@ def traced_case(
 
     `frame` is that of another view, for views that the light does not reach.
     """
-    eye = analytic_eye(shapes, view)
-    if frame is None:
-        frame = light_frame(light, eye, scene_bounds(shapes))
+    return case_of_scene(traced(shapes, view, light, frame))
+
+
+def hard_case(setup: Setup, side: int) -> Case:
+    """A setup of `asmjax.hard_cases` at `side` x `side` pixels."""
+    return case_of_scene(setup.traced(side))
+
+
+def case_of_scene(scene: Scene) -> Case:
     return Case(
-        shapes=tuple(shapes),
-        view=view,
-        light=light,
-        eye=eye,
-        frame=frame,
-        rays=AnalyticRays(shapes),
-        judged=np.asarray(eye.valid),
-        expected=_lit(shapes, eye, frame).astype(float),
-        edge_distance=np.full(eye.valid.size, np.inf),
+        shapes=scene.shapes,
+        view=scene.view,
+        light=scene.light,
+        eye=scene.eye,
+        frame=scene.frame,
+        rays=scene.rays,
+        judged=scene.judged,
+        expected=scene.expected,
+        edge_distance=np.full(scene.eye.valid.size, np.inf),
     )
-
-
-def _lit(shapes: Sequence[Shape], eye, frame: LightFrame) -> np.ndarray:
-    world = np.where(eye.valid, eye.world, 0.0)
-    size = np.maximum(1.0, np.abs(world).max(axis=0))
-    start = world + LIFTED * size * eye.normal
-    towards = towards_light(frame, start)
-    _, blocker, _ = closest(shapes, start, towards, 0.0, 1.0 if frame.perspective else np.inf)
-    facing = np.einsum("in,in->n", eye.normal, towards) > 0
-    return eye.valid & facing & in_domain(frame, world) & (blocker < 0)

@@ -1,0 +1,145 @@
+"""Every algorithm on every scene of the catalogue, beside shadow rays: no silent failure.
+
+`ASMJAX_TEST_HARD=1` asks for all severities, both precisions and ten times as many pixels.
+"""
+
+import math
+import os
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from helpers.analytic_cases import kept_arrays
+from helpers.hard_oracles import ref_dark
+
+from asmjax.buffers import light_offset, project
+from asmjax.hard_cases import CASES, SIDE, Setup, measure
+from asmjax.hard_cases.explain import explained
+from asmjax.hard_cases.lights import SHAPES, SUN, VIEW
+from asmjax.hard_cases.measure import TEXELS, algorithm_for
+from asmjax.shadow import ALGORITHMS
+
+HARD = os.environ.get("ASMJAX_TEST_HARD") == "1"
+
+SCENES = [case for case in CASES.values() if case.is_scene]
+each_scene = pytest.mark.parametrize("case", SCENES, ids=lambda case: case.name)
+each_family = pytest.mark.parametrize("family", ALGORITHMS)
+
+LARGEST = 2.0**42
+"""Texels per image side that a map may claim to have: 1e10, by which the longest range magnifies,
+times 128 and a little."""
+
+
+def _scene(case, severity, side=SIDE):
+    setup = case.build(severity)
+    assert isinstance(setup, Setup)
+    return setup.traced(side)
+
+
+@each_scene
+def test_no_algorithm_fails_in_silence(case):
+    """Right beyond a texel of an edge up to where the case says so, and from there on announced."""
+    if HARD:
+        records = measure(case, side=math.isqrt(10 * SIDE**2))
+    else:
+        records = measure(case, severities=case.few[1:], precisions=("float32",))
+    for record in records:
+        allowed = {"stable"}
+        if case.fails_from is not None and record.severity >= case.fails_from:
+            allowed = {"stable", "announced"}
+        assert record.verdict in allowed, record
+    assert case.fails_from is None or any(record.verdict == "announced" for record in records)
+    assert {record.algorithm for record in records} == set(ALGORITHMS)
+
+
+@each_scene
+def test_truth_of_scenes(case):
+    """Shadow rays, and segments that cross shapes by another computation."""
+    scene = _scene(case, case.severities[0], side=16)
+    dark = ref_dark(scene)
+    differ = scene.judged & (dark != (scene.expected == 0))
+    assert differ.sum() <= 1
+
+
+HELD = {
+    "light against the view: duelling frusta": 90.0,
+    "light at the eye": 1e12,
+    "lamp with a wide field of view": 179.0,
+    "large range of depths": 1e10,
+    "one depth only": 1e8,
+    "few pixels, one, and none": 1e9,
+    "nothing that the light reaches": 3.0,
+}
+"""Severities at which states are looked into."""
+
+
+@pytest.mark.parametrize("name", HELD)
+@each_family
+def test_what_an_algorithm_says_of_itself_is_sound(family, name):
+    """Nothing is NaN; density is 0 exactly where nothing is lit; costs are those of its arrays."""
+    scene = _scene(CASES[name], HELD[name])
+    algorithm = algorithm_for(family, scene.frame.faces)
+    points = scene.eye.points
+    state = algorithm.build(scene.eye, scene.frame, scene.rays)
+    for array in kept_arrays(state):
+        assert not np.isnan(np.asarray(array)).any()
+    density = np.asarray(algorithm.density(state, points), np.float64)
+    assert np.isfinite(density).all() and np.abs(density).max() < LARGEST
+    facing = np.asarray(project(points, scene.frame, light_offset(points, scene.frame)).facing)
+    assert (np.abs(np.linalg.det(np.moveaxis(density, -1, 0))) > 0).tolist() == facing.tolist()
+    cost = algorithm.cost(state)
+    assert cost.bytes == sum(array.nbytes for array in kept_arrays(state))
+    assert 0 < cost.texels <= TEXELS and 0 < cost.rays
+    assert 1 <= algorithm.effective_resolution(state) < LARGEST
+    assert algorithm.status(state).value
+
+
+def test_the_scenes_are_what_they_are_named():
+    for name, sign in (
+        ("light along the view", 1),
+        ("light against the view: duelling frusta", -1),
+    ):
+        scene = _scene(CASES[name], 90.0)
+        forward = scene.eye.camera.rotation[2]
+        assert forward @ scene.frame.rotation[0, 2] == pytest.approx(sign, abs=1e-12)
+    assert _scene(CASES["light at the eye"], 1e12).expected.all()
+    assert np.ptp(_scene(CASES["one depth only"], 1e16).eye.depth) < 1e-12
+    seen = [_scene(CASES["few pixels, one, and none"], s).judged.sum() for s in (1.0, 10.0, 1e9)]
+    assert seen[0] > 100 and seen[1:] == [1, 0]
+    assert not _scene(CASES["nothing that the light reaches"], 3.0).expected.any()
+    wide = [_scene(CASES["lamp with a wide field of view"], s).frame.faces for s in (122.0, 150.0)]
+    assert wide == [1, 5]
+    depth = _scene(CASES["large range of depths"], 1e8).eye.depth
+    assert depth.max() == pytest.approx(1e8 * depth.min())
+
+
+def test_a_leak_is_found():
+    """All pixels lit: those in shadow further than a texel from its edge are silently wrong."""
+    scene = Setup(SHAPES, VIEW, SUN).traced(SIDE)
+    algorithm = algorithm_for("uniform", 1)
+    state = algorithm.build(scene.eye, scene.frame, scene.rays)
+    why = explained(scene, algorithm, state, np.ones(SIDE**2))
+    dark = scene.judged & (scene.expected == 0)
+    assert (why.wrong == dark).all() and why.edge.any()
+    # The side of the ball that turns away from the light is dark without a texel's help.
+    assert why.silent.sum() > 0.5 * dark.sum() and not (why.silent & why.edge).any()
+    acne = np.asarray(algorithm.visibility(state, scene.eye.points)).copy()
+    middle = np.flatnonzero(scene.judged & (scene.expected == 1) & ~why.edge)[::7]
+    acne[middle] = 0
+    why = explained(scene, algorithm, state, acne)
+    assert why.silent.sum() > 0.5 * middle.size and why.stated.sum() == 0
+
+
+def test_a_refused_scene_is_announced():
+    """Where float64 has no digits left for the eye and what it sees."""
+    case = CASES["scene far from the origin"]
+    records = measure(case, severities=(1e14,), algorithms=("uniform",), precisions=("float32",))
+    assert [record.verdict for record in records] == ["announced"]
+    assert "move the scene to the origin" in records[0].how and math.isnan(records[0].error)
+
+
+def test_truth_does_not_depend_on_jax_precision(dtype):
+    scene = _scene(CASES["light parallel to the receiver"], 89.9)
+    assert scene.eye.points.position.dtype == dtype
+    assert 10 < (scene.expected[scene.judged] == 0).sum() < 100
+    assert jnp.zeros(()).dtype == dtype
