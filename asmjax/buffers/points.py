@@ -7,8 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
+from asmjax.errors import require
 from asmjax.geometry import Camera
-
 
 BLUR = 1e-6
 """Points are at float32 positions from the eye: this part of their depth, at most, from where the
@@ -85,8 +85,13 @@ def eye_buffer(
     """An `EyeBuffer` from float64 host arrays; positions become relative before any rounding.
 
     `flat` (n,) says whether the seen primitive is flat; the other arguments are the attributes.
+
+    Raises:
+        UseError: the eye is so far from the origin that its float64 coordinates have lost what
+            float32 positions relative to it would keep.
     """
     valid = shape >= 0
+    _check_digits(camera, depth, valid)
     relative = np.where(valid, world - camera.origin[:, None], 0.0)
     return EyeBuffer(
         camera=camera,
@@ -104,6 +109,19 @@ def eye_buffer(
         shape=shape,
         albedo=albedo,
     )
+
+
+def _check_digits(camera: Camera, depth: np.ndarray, valid: np.ndarray) -> None:
+    away = float(np.abs(camera.origin).max())
+    lost = away * float(np.finfo(np.float64).eps)
+    # Nearly always far from it: the depths are not looked at then.
+    if lost > BLUR * camera.near and valid.any():
+        seen = float(depth[valid].mean())
+        require(
+            lost <= BLUR * seen,
+            f"the eye is {away:g} units from the origin and looks {seen:g} units far: float64 has "
+            "too few digits for both; move the scene to the origin.",
+        )
 
 
 SEEN_STEPS = 8

@@ -42,12 +42,18 @@ class Receivers(eqx.Module):
     facing: Bool[Array, " n"]
 
 
-def light_offset(points: SurfacePoints, frame: LightFrame) -> np.ndarray | Float[Array, " 3"]:
-    """(3,) the points' origin as seen from the light's, in float64 before any rounding."""
-    if isinstance(points.origin, np.ndarray) and isinstance(frame.origin, np.ndarray):
-        return np.asarray(points.origin, np.float64) - frame.origin
+def light_offset(points: SurfacePoints, frame: LightFrame) -> np.ndarray | Float[Array, "faces 3"]:
+    """(faces, 3) the points' origin as seen from the light's, in the axes of each face.
+
+    In float64 before any rounding: of a lamp far away only the depth is large, and what is across
+    its rays keeps its digits.
+    """
+    parts = points.origin, frame.origin, frame.rotation
+    if all(isinstance(part, np.ndarray) for part in parts):
+        return frame.rotation @ (np.asarray(points.origin, np.float64) - frame.origin)
     # Inside a transformation of the caller's the difference is formed in its own precision.
-    return jnp.asarray(points.origin) - jnp.asarray(frame.origin)
+    origin, light, rotation = (jnp.asarray(part) for part in parts)
+    return rotation @ (origin - light)
 
 
 def project(points: SurfacePoints, frame: LightFrame, offset) -> Receivers:
@@ -60,19 +66,30 @@ def project(points: SurfacePoints, frame: LightFrame, offset) -> Receivers:
     def cast(a):
         return jnp.asarray(a, points.position.dtype)
 
-    world = points.position + cast(offset)[:, None]
+    offset = cast(offset)
+    local = [_in_axes(points, cast(frame.rotation[k]), offset[k]) for k in range(frame.faces)]
     face = jnp.zeros_like(points.prim)
-    shone_on = _in_face(frame, 0, world, cast)
+    shone_on = _in_face(frame, 0, local[0], cast)
     for other in range(1, frame.faces):
-        found = _in_face(frame, other, world, cast) & ~shone_on
+        found = _in_face(frame, other, local[other], cast) & ~shone_on
         face = jnp.where(found, other, face)
         shone_on |= found
     shone_on &= points.valid
     if frame.perspective:
-        axial = dot(cast(frame.cone_axis), world)
+        axial = dot(cast(frame.rotation[0] @ frame.cone_axis), local[0])
         cosine = cast(frame.cos_cutoff)
-        shone_on &= (cosine <= -1) | (axial > cosine * safe_sqrt(dot(world, world)))
-    return _on_face(points, frame.perspective, world, face, shone_on, of_face(frame, face, cast))
+        shone_on &= (cosine <= -1) | (axial > cosine * safe_sqrt(dot(local[0], local[0])))
+    chosen = local[0]
+    for other in range(1, frame.faces):
+        pairs = zip(local[other], chosen, strict=True)
+        chosen = [jnp.where(face == other, mine, before) for mine, before in pairs]
+    return _on_face(points, frame.perspective, chosen, face, shone_on, of_face(frame, face, cast))
+
+
+def _in_axes(points: SurfacePoints, rotation, offset):
+    """Coordinates (n,) along each of the axes, from the light on."""
+    pairs = zip(rotation, offset, strict=True)
+    return [dot(axis, points.position) + start for axis, start in pairs]
 
 
 def of_face(frame: LightFrame, face: Int[Array, " n"], cast):
@@ -88,28 +105,27 @@ def of_face(frame: LightFrame, face: Int[Array, " n"], cast):
     return chosen(frame.rotation), chosen(frame.corner), chosen(frame.extent)
 
 
-def _in_face(frame: LightFrame, face: int, world, cast) -> Bool[Array, " n"]:
+def _in_face(frame: LightFrame, face: int, local, cast) -> Bool[Array, " n"]:
     """Which points lie in front of a face and inside its rectangle; nothing is divided."""
-    rotation, corner, extent = (cast(a[face]) for a in (frame.rotation, frame.corner, frame.extent))
-    depth = dot(rotation[2], world)
+    corner, extent = (cast(a[face]) for a in (frame.corner, frame.extent))
+    depth = local[2]
     inside = depth > cast(frame.near)
     scale = jnp.ones_like(depth)
     if frame.perspective:
         inside &= depth > least_depth(depth.dtype)
         scale = depth
     for k in range(2):
-        along = dot(rotation[k], world) - corner[k] * scale
+        along = local[k] - corner[k] * scale
         inside &= (along >= 0) & (along < extent[k] * scale)
     return inside
 
 
-def _on_face(points: SurfacePoints, perspective: bool, world, face, shone_on, of_face) -> Receivers:
-    """The points on the faces that they lie in; `world` (3, n) is relative to the light."""
+def _on_face(points: SurfacePoints, perspective: bool, local, face, shone_on, of_face) -> Receivers:
+    """The points on the faces that they lie in; `local` are their coordinates in its axes."""
     axes, corner, extent = of_face
     # Nothing that is not lit reaches a quotient, in value or gradient.
     x, y, depth = (
-        jnp.where(shone_on, dot(axis, world), safe)
-        for axis, safe in zip(axes, (0, 0, 1), strict=True)
+        jnp.where(shone_on, along, safe) for along, safe in zip(local, (0, 0, 1), strict=True)
     )
     normal = [dot(axis, points.normal) for axis in axes]
     reach = jnp.maximum(extent[0], extent[1]) * jnp.ones_like(depth)

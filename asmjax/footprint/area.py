@@ -4,6 +4,9 @@ import jax.numpy as jnp
 
 from asmjax.numerics import dot, safe_divide
 
+EDGE_ON = 64
+"""Cosines of so many rounding units have lost all but two or three of their digits."""
+
 
 def perspective_area(position, normal, axis, focal):
     """Area that one pixel of a pinhole covers on the tangent plane of a point, scene units squared.
@@ -18,11 +21,12 @@ def perspective_area(position, normal, axis, focal):
         focal: (2,) focal lengths in pixels.
 
     Returns:
-        (n,) area; +inf where the plane is seen edge-on, to within rounding, or from behind.
+        (n,) area; +inf where the plane is seen edge-on, to within `EDGE_ON` rounding units, or the
+        point is not in front.
     """
     depth = dot(axis[:, None], position)
     along = jnp.abs(dot(normal, position))
-    seen = (depth > 0) & (along > jnp.finfo(depth.dtype).eps * depth)
+    seen = (depth > 0) & (along > EDGE_ON * jnp.finfo(depth.dtype).eps * depth)
     depth = jnp.where(seen, depth, 1)
     # z / (n . X) first: z^3 alone leaves the range of float32 in large and in small scenes.
     slant = safe_divide(depth, jnp.where(seen, along, 1))

@@ -4,9 +4,22 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
+from asmjax.errors import require
+
+MOST_CELLS = 2**14
+"""Cells a side: those of six faces still have numbers of 31 bits."""
+
 
 def cell_index(uv: Float[Array, "2 n"], face: Int[Array, " n"], cells: int) -> Int[Array, " n"]:
-    """Flat index of each receiver's cell in a grid of `cells` x `cells` per face."""
+    """Flat index of each receiver's cell in a grid of `cells` x `cells` per face.
+
+    Raises:
+        UseError: more cells a side than int32 can number.
+    """
+    require(
+        1 <= cells <= MOST_CELLS,
+        f"{cells} cells a side are not possible; allowed: 1 to {MOST_CELLS}.",
+    )
     column, row = (jnp.clip((x * cells).astype(jnp.int32), 0, cells - 1) for x in uv)
     return (face * cells + row) * cells + column
 

@@ -27,6 +27,7 @@ from jaxtyping import Array, Float
 
 from asmjax.theory.arguments import (
     FAR_OUTSIDE,
+    LARGEST_ALPHA,
     ahead,
     beyond_near,
     depth_range,
@@ -96,7 +97,9 @@ def s_of_z(z: ArrayLike, alpha: ArrayLike, u: ArrayLike) -> Float[Array, "..."]:
     not in front of the warp's centre, q <= -n, have large negative coordinates that mean nothing.
     """
     q, a1, u = beyond_near(z), depth_range(alpha), warp_strength(u)
-    share, w = over_range(q, a1), ahead(1 + u * q)
+    # 1 + u q without its cancellation in front of the near plane.
+    depth = held(floating(z), -LARGEST_ALPHA, LARGEST_ALPHA)
+    share, w = over_range(q, a1), ahead(1 - u + u * depth)
     # Of two equal forms each takes the half in which neither its value nor its gradient, two
     # terms of one sign, cancels: at the far end of a PSM the first one's would be off by alpha
     # rounding units.

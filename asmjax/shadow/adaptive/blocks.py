@@ -95,7 +95,7 @@ def decided(
         # So few spare no step of the pixels that are left.
         return np.full(blocks.planar.size, OPEN, np.int8)
     corners, frame = blocks.corners, state.frame
-    offset = light_offset(corners, frame)
+    offset = light_offset(corners, frame), corners.origin - frame.origin
     # Two calls: as one, XLA computes the addresses once for each of their uses.
     facing = _facing(corners, blocks.off, frame, offset, anchor(corners, frame))
     return _verdict(
@@ -144,7 +144,8 @@ class _Facing(NamedTuple):
 
 @jax.jit
 def _facing(corners: SurfacePoints, off, frame, offset, anchor) -> _Facing:
-    receivers = project(corners, frame, offset)
+    from_faces, offset = offset
+    receivers = project(corners, frame, from_faces)
     at = address_of(corners, anchor, receivers, frame.perspective).at
     planar = _four(corners.valid)[0]
     # Positions are relative to the eye; relative to the light they are rounded once more.

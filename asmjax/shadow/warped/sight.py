@@ -188,7 +188,7 @@ def parallel_sight(
         _ANY_FRAME,
         (rotation[None], corner[None], extent[None]),
     )
-    receivers = project(points, frame, jnp.zeros(3, dtype))
+    receivers = project(points, frame, jnp.zeros((1, 3), dtype))
     jacobian = (beam_jacobian if beams else plane_jacobian)(points, camera, frame, receivers)
     depth = dot(forward, points.position)
     # Depths have logarithms: what the eye cannot see has none.

@@ -29,6 +29,7 @@ from asmjax.shadow.warped.tune import POWER, Rest, tuned_layout
 from asmjax.shadow.warped.z_partition import (
     MOST_PARTITIONS,
     PartitionedShadowMap,
+    in_slab,
     joined,
     split_depths,
 )
@@ -184,7 +185,7 @@ class TunedShadowMap(ChartedShadowMap):
         for body in found:
             slabs = []
             for slab, (least, most) in enumerate(zip(splits[:-1], splits[1:], strict=True)):
-                which = (body.eye_depth >= least) & (body.eye_depth < most)
+                which = in_slab(body, least, most)
                 if which.any():
                     u, share, aspect = (
                         float(table[body.face, slab])
@@ -222,9 +223,12 @@ def chart_errors(
         left &= ~inside
         rows = layout.to_chart[k]
         x, y, w = rows @ np.stack([u[inside], v[inside], np.ones(int(inside.sum()))])
-        place = np.stack([x, y], axis=-1) / w[:, None]
-        motion = (rows[:2, :2] - place[:, :, None] * rows[2, :2]) / w[:, None, None]
-        texel = layout.size[k][:, None] * motion @ steps[inside]
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            place = np.stack([x, y], axis=-1) / w[:, None]
+            motion = (rows[:2, :2] - place[:, :, None] * rows[2, :2]) / w[:, None, None]
+            texel = layout.size[k][:, None] * motion @ steps[inside]
+        # On a warp's horizon there is no texel, and the error is the largest there is.
+        texel = np.where(np.isfinite(texel), texel, 0.0)
         error[inside] = 1 / np.maximum(np.linalg.svd(texel, compute_uv=False)[:, 1], 1e-300)
     return error, receivers.counts & ~np.isnan(error)
 

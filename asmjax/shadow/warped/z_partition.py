@@ -5,7 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from asmjax.buffers import EyeBuffer
+from asmjax.buffers import BLUR, EyeBuffer
 from asmjax.errors import require
 from asmjax.geometry import Chart, LightFrame
 from asmjax.shadow.comparison import BIAS, Compare
@@ -15,6 +15,9 @@ from asmjax.shadow.warped.fit import perspective, rectangle, whole_face
 from asmjax.shadow.warped.strength import half_view, light_space_n
 
 MOST_PARTITIONS = 16
+
+THINNEST = 8 * BLUR
+"""A slab's mean thickness is at least this part of its depth."""
 
 
 def split_depths(near: float, far: float, count: int, blend: float) -> np.ndarray:
@@ -90,14 +93,16 @@ class PartitionedShadowMap(ChartedShadowMap):
         if not found:
             return []
         near, far = depth_range(found, self.near, self.far)
-        splits = split_depths(near, far, self.partitions, self.blend)
+        # Slabs that float32 depths do not tell apart would only share out the texels.
+        count = 1 if far - near < THINNEST * far * self.partitions else self.partitions
+        splits = split_depths(near, far, count, self.blend)
         # The end slabs have no outer end: nothing that is seen may be left out.
         splits[0], splits[-1] = -np.inf, np.inf
         half, charts = half_view(view), []
         for body in found:
             slabs = []
             for least, most in zip(splits[:-1], splits[1:], strict=True):
-                which = (body.eye_depth >= least) & (body.eye_depth < most)
+                which = in_slab(body, least, most)
                 if which.any():
                     chart = self._chart(frame, body.part(which), bool(which.all()), half)
                     slabs.append((float(least), chart))
@@ -108,6 +113,12 @@ class PartitionedShadowMap(ChartedShadowMap):
         if self.warp != "none":
             return perspective(frame, part, light_space_n(part, half_view, "shaped"))
         return whole_face(part) if whole else rectangle(frame, part)
+
+
+def in_slab(body: Body, least: float, most: float) -> np.ndarray:
+    """Which receivers (m,) a chart of two eye depths holds: all that float32 may put there."""
+    blur = BLUR * body.eye_depth
+    return (body.eye_depth >= least - blur) & (body.eye_depth < most + blur)
 
 
 def joined(slabs: list[tuple[float, Chart]]) -> list[Chart]:
