@@ -23,6 +23,7 @@ LAYERS = [
     {"experiment"},
     {"tuning"},
     {"report"},
+    {"hard_cases"},
     {"job_memory"},
     {"preparation"},
     {"main_job", "walkthrough_job", "analyze_job", "compare_job", "tune_job"},
