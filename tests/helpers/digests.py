@@ -35,9 +35,11 @@ def digest(
     for array in (*kept_arrays(state), lit):
         array = np.ascontiguousarray(array)
         found.update(f"{array.dtype}{array.shape}".encode() + array.tobytes())
-    images = [np.reshape(a, eye.size) for a in (truth, lit, eye.valid, eye.depth)]
-    depth = np.where(images[2], images[3], 1.0)
-    errors = error_summary(*images[:3], surface_pairs(images[2], depth))
+    expected, answer, valid, depth = (
+        np.reshape(a, eye.size) for a in (truth, lit, eye.valid, eye.depth)
+    )
+    pairs = surface_pairs(valid, np.where(valid, depth, 1.0))
+    errors = error_summary(expected, answer, valid, pairs)
     found.update(repr(errors).encode())
     return found.hexdigest()
 

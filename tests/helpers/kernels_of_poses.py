@@ -6,6 +6,7 @@ in 50 digits, which share nothing with the closed form.
 
 import functools
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -134,11 +135,10 @@ class _Twin:
     def __init__(self, kind: Kind):
         pose = pose_of(kind)
         self.camera, self.frame = pose.camera, pose.frame
-        exact = functools.partial(_exact)
-        self.to_light = [a - b for a, b in zip(exact(pose.camera.origin), exact(pose.frame.origin),
-                                               strict=True)]  # fmt: skip
-        self.axes = exact(pose.camera.rotation)
-        self.focal = exact(pose.camera.focal)
+        eye, light = _exact(pose.camera.origin), _exact(pose.frame.origin)
+        self.to_light = [a - b for a, b in zip(eye, light, strict=True)]
+        self.axes = _exact(pose.camera.rotation)
+        self.focal = _exact(pose.camera.focal)
         self.near = mpmath.mpf(float(pose.frame.near))
 
     def face_of(self, position):
@@ -193,7 +193,7 @@ class _Twin:
         return self.motion(lambda p: p, position, normal)
 
 
-def _exact(a):
+def _exact(a) -> Any:
     return [_exact(x) for x in a] if np.ndim(a) else mpmath.mpf(float(a))
 
 
@@ -205,7 +205,7 @@ def _dot(a, b):
     return sum(x * y for x, y in zip(a, b, strict=True))
 
 
-def _norm(a):
+def _norm(a) -> Any:
     return mpmath.sqrt(_dot(a, a))
 
 

@@ -3,6 +3,7 @@
 The twins are the paper's equations in mpmath, in the paper's own n where it has one.
 """
 
+import functools
 from collections.abc import Callable
 
 import jax
@@ -270,7 +271,7 @@ def _direction(logarithmic: bool):
     return _elementwise(
         "alpha theta gamma u",
         of,
-        lambda *args: _direction_digits(*args, logarithmic),
+        functools.partial(_direction_digits, logarithmic=logarithmic),
         name=f"direction_{'log_perspective' if logarithmic else 'perspective'}",
     )
 
