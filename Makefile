@@ -4,7 +4,7 @@ ARGS ?=
 BIN := .venv/bin
 
 .DEFAULT_GOAL := run
-.PHONY: setup run test lint types bench lock
+.PHONY: setup run test test-hard lint types bench lock
 
 setup:
 	@scripts/setup
@@ -14,6 +14,11 @@ run: setup
 
 test: setup
 	@$(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder -q $(ARGS)
+
+# Ten times as much of what chance finds: hard cases, hostile files, properties.
+test-hard: setup
+	@ASMJAX_TEST_HARD=1 HYPOTHESIS_PROFILE=$${HYPOTHESIS_PROFILE:-hard} \
+	    $(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder -q --timeout 3600 $(ARGS)
 
 lint: setup
 	@$(BIN)/ruff check .

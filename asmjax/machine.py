@@ -10,6 +10,8 @@ from pathlib import Path
 _TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3
 _KEPT_BYTES = 1 << 30
 
+_keeps = False
+
 
 def cpu_name() -> str:
     """Model of the processor, as it names itself."""
@@ -36,8 +38,6 @@ def memory_bytes() -> int:
         return 0
 
 
-def keep_freed_memory() -> bool:
-    """Let the process keep up to 1 GB that it frees, and say whether it does.
 def process_bytes() -> int:
     """Main memory that this process holds now; 0 where it cannot be told."""
     return _own_pages(1)
@@ -112,13 +112,22 @@ def _lines(path: Path) -> Iterator[str]:
         return
 
 
+def keep_freed_memory() -> bool:
+    """Let the process keep up to 1 GB that it frees, and say whether it does.
 
     Arrays of some megabytes come and go with every frame. As the C library starts, it hands each
     back to the system and asks for it anew, at a page fault for every 4 KB. Changes the whole
     process, so a library user must ask for it; only the GNU C library can be told.
     """
+    global _keeps
     try:
         mallopt = ctypes.CDLL(None).mallopt
     except (AttributeError, OSError):
         return False
-    return all([mallopt(what, _KEPT_BYTES) == 1 for what in (_TRIM_THRESHOLD, _MMAP_THRESHOLD)])
+    _keeps = all([mallopt(what, _KEPT_BYTES) == 1 for what in (_TRIM_THRESHOLD, _MMAP_THRESHOLD)])
+    return _keeps
+
+
+def keeps_freed_memory() -> bool:
+    """Whether `keep_freed_memory` was called with success: times differ by it."""
+    return _keeps

@@ -25,7 +25,7 @@ PRICE = 0.1
 LARGEST = 2**53
 """Of numbers that are counts or amounts: up to here a float holds every whole one."""
 
-LEAST_EVALUATIONS = 28
+LEAST_EVALUATIONS = 50
 """Fewer cannot calibrate the surrogate that leads a search, and check what it says."""
 
 
@@ -177,7 +177,8 @@ class PatienceOptions:
 
     minutes: Annotated[float | None, _named("MINUTES", "until everything is tried")] = None
     """Time after which no further trial begins. The most telling come first, and the same command
-    goes on from there."""
+    goes on from there. Tuning measures its first 40 samples and the held-out views all the
+    same."""
 
     fresh: bool = False
     """Forget the measurements that an earlier run left in the folder; otherwise those of the same
@@ -211,12 +212,12 @@ class SearchOptions:
     ] = ()
     """Other views, on which the best settings are measured again, and which choose among them."""
 
-    evaluations: Annotated[int, arg(metavar="COUNT")] = 36
-    """Settings that the search may try on the real map, 28 or more; the default, a grid of 32 and
-    those that are measured on the held-out views come on top."""
+    evaluations: Annotated[int, arg(metavar="COUNT")] = 60
+    """Settings that the search may try on the real map, 50 or more; the default, a grid of 32, the
+    rest of a random search and what is measured on the held-out views come on top."""
 
     repeats: Annotated[int, arg(metavar="COUNT")] = 5
-    """Timed runs on the held-out views after one to warm up."""
+    """Timed runs on the held-out views, all settings in turns."""
 
     seed: Annotated[int, arg(metavar="INT")] = 0
     """Seed of everything random."""
@@ -247,10 +248,6 @@ class MachineOptions:
     """Mitsuba variant: llvm_ad_rgb, cuda_ad_rgb, or scalar_rgb (the same hits, about 16 times
     slower). `asmjax info` tells which is used and why."""
 
-    recalibrate: bool = False
-    """Measure again what casting texels costs, though an earlier run with the same machine, scene,
-    kind of light and variant has."""
-
     max_memory_mb: Annotated[
         float | None,
         arg(
@@ -261,6 +258,10 @@ class MachineOptions:
     ] = None
     """Main memory that the process may hold in all, in MB (2^20 bytes). What by an estimate would
     need more is refused before anything large is made."""
+
+    recalibrate: bool = False
+    """Measure again what casting texels costs, though an earlier run with the same machine, scene,
+    kind of light and variant has."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -396,11 +397,11 @@ class TuneOptions(
         _at_least(LEAST_EVALUATIONS, "--evaluations", self.evaluations, "settings")
         _at_least(1, "--repeats", self.repeats, "timed run")
         _at_least(0, "--seed", self.seed, "")
+        _check_machine(self)
         require(
             bool(self.views) == bool(self.held_out),
             "--views says what is tuned on, --held-out what chooses; give both, or neither.",
         )
-        _check_machine(self)
         both = [name for name in self.views if name in self.held_out]
         require(
             not both,
@@ -454,16 +455,16 @@ def _check_limits(options: MapJobOptions) -> None:
         _at_least(1, "--cells", options.cells, "cell per side")
     _at_least(1, "--repeats", options.repeats, "timed run")
     _at_least(0, "--seed", options.seed, "")
-
-
-def _check_walk(options: RunOptions) -> None:
-    if options.motion not in get_args(Motion):
     _check_machine(options)
 
 
 def _check_machine(options: MachineOptions) -> None:
     if options.max_memory_mb is not None:
         _at_least(1, "--max-memory", options.max_memory_mb, "MB")
+
+
+def _check_walk(options: RunOptions) -> None:
+    if options.motion not in get_args(Motion):
         raise unknown_name("--motion", options.motion, get_args(Motion))
     if options.frames is None:
         for option, given in (

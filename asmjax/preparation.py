@@ -11,14 +11,15 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from asmjax import __version__
 from asmjax.buffers import EyeBuffer, LightRays
 from asmjax.errors import UseError, require
 from asmjax.experiment import Measured, measure_rays
 from asmjax.experiment.bench import Bench
+from asmjax.experiment.code import code_facts
 from asmjax.experiment.ledger import Ledger
 from asmjax.geometry import LightFrame
 from asmjax.job_memory import Sight
+from asmjax.machine import keeps_freed_memory
 from asmjax.memory import Forecast, Stage, check, limit_of
 from asmjax.options import AnalyzeOptions, JobOptions, MapJobOptions, RunOptions
 from asmjax.render.caster import MitsubaRays
@@ -63,8 +64,8 @@ class Subject:
         eyes: the samples of each pixel, pixel centres first.
         frame: of the light, for the receivers that the pixel centres see.
         rays: of the light.
-    """
         memory: what all of the job will take.
+    """
 
     scene: Scene
     view: ViewSpec
@@ -72,8 +73,8 @@ class Subject:
     eyes: list[EyeBuffer]
     frame: LightFrame
     rays: MitsubaRays
-
     memory: Forecast
+
     def truth(self, repeats: int) -> Measured:
         """The traced shadow rays of every sample."""
         traced = [self.scene.shadow_rays(eye, self.frame, self.rays) for eye in self.eyes]
@@ -87,10 +88,10 @@ def subject_of(
 ) -> Subject:
     """What the options name, loaded and seen; two steps of progress.
 
-    Raises:
     Args:
         stages: of the job, for what it looks at and a number of the light's faces.
 
+    Raises:
         UseError: no such scene, view or light, nothing is seen or lit, or the stages take more
             memory than may be taken.
     """
@@ -98,9 +99,9 @@ def subject_of(
     scene = load_scene(options.scene, options.variant, trust=options.trust_scene)
     view = chosen_view(scene, options)
     light = scene.light(options.light)
-    progress("eye buffer")
     sight, limit = sight_of(scene, view, options.samples), limit_of(options.max_memory_mb)
     check(stages(sight, 1), limit)
+    progress("eye buffer")
     eyes = [scene.eye(view, offset) for offset in sample_offsets(options.samples, options.seed)]
     frame = scene.light_frame(eyes, options.light)
     # Only now it is known how many faces of the light see what the eye sees.
@@ -147,7 +148,8 @@ def _facts(
         "light": asdict(light),
         "samples": samples,
         "seed": seed if samples > 1 else 0,
-        "version": __version__,
+        "keeps_freed_memory": keeps_freed_memory(),
+        **code_facts(),
     }
     return _plain(facts)
 

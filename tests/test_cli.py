@@ -48,10 +48,10 @@ def test_defaults():
 
 def test_every_option_arrives():
     words = (
-        "run terrain --view low --size 256 128 --sensor 1 --light sun --memory-mb 0.5 "
-        "--time-limit-ms 2.5 --node-resolution 64 --cells 4 --preset paper_2001 --settings my.toml "
-        "--samples 16 --repeats 1 --seed 7 --variant scalar_rgb --max-memory-mb 512 --recalibrate "
-        "--out there --save-arrays --quiet"
+        "run terrain --view low --size 256 128 --sensor 1 --light sun --trust-scene "
+        "--memory-mb 0.5 --time-limit-ms 2.5 --node-resolution 64 --cells 4 --preset paper_2001 "
+        "--settings my.toml --samples 16 --repeats 1 --seed 7 --variant scalar_rgb "
+        "--max-memory-mb 512 --recalibrate --out there --save-arrays --quiet"
     )
     wanted = RunOptions(
         scene="terrain",
@@ -59,6 +59,7 @@ def test_every_option_arrives():
         size=(256, 128),
         sensor="1",
         light="sun",
+        trust_scene=True,
         memory_mb=0.5,
         time_limit_ms=2.5,
         node_resolution=64,
@@ -251,7 +252,7 @@ def test_help_explains_every_option_in_groups():
 
 
 def test_help_of_analyze_names_its_own_options():
-    shown = run_program("analyze", "--help", COLUMNS="200").stdout
+    shown = run_program("analyze", "--help", COLUMNS="500").stdout
     for words in ("--methods", "--angles", "comparison options", "overhead", "(default: all)"):
         assert words in shown, words
     assert "--frames" not in shown

@@ -15,6 +15,7 @@ from jaxtyping import Array, Float, Float64
 from asmjax.buffers import EyeBuffer, LightRays, SurfacePoints
 from asmjax.geometry import LightFrame
 from asmjax.memory import Memory
+from asmjax.shadow.comparison import Compare
 
 State = TypeVar("State")
 
@@ -88,7 +89,6 @@ class Cost:
     updates: int = 1
 
 
-class ShadowAlgorithm(eqx.Module, Generic[State]):
 class MapMemory(NamedTuple):
     """Main memory that a map takes at the most.
 
@@ -103,6 +103,7 @@ class MapMemory(NamedTuple):
     pixel: Memory = Memory()
 
 
+class ShadowAlgorithm(eqx.Module, Generic[State]):
     """A shadow algorithm: frozen settings. Subclasses are final and hold all their fields.
 
     `build` and `update` run on the host, may look at values, and choose shapes; `visibility` is
@@ -113,6 +114,13 @@ class MapMemory(NamedTuple):
 
     reference: eqx.AbstractClassVar[str]
     """Where the algorithm comes from."""
+
+    compare: eqx.AbstractVar[Compare]
+    """What is stored and compared."""
+
+    bias: eqx.AbstractVar[float]
+    """Distance along the receiver's normal by which a caster must be nearer, in parts of the
+    receiver's depth."""
 
     @property
     @abc.abstractmethod
@@ -172,16 +180,16 @@ class MapMemory(NamedTuple):
         """What the state cost and holds, read from its arrays."""
 
     @abc.abstractmethod
+    def memory(self, faces: int) -> MapMemory:
+        """What a map for a light of so many faces will take, before anything is made."""
+
+    @abc.abstractmethod
     def status(self, state: State) -> Status:
         """Whether the build reached what the settings ask for."""
 
     @abc.abstractmethod
     def effective_resolution(self, state: State) -> int:
         """Texels per side of the flat map that would have the state's finest texels throughout."""
-
-    @abc.abstractmethod
-    def memory(self, faces: int) -> MapMemory:
-        """What a map for a light of so many faces will take, before anything is made."""
 
 
 def isotropic(texels: Float[Array, " n"]) -> Float[Array, "2 2 n"]:
