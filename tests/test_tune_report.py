@@ -185,7 +185,7 @@ def test_figures_show_what_was_measured(result):
     # The made surrogate is in order: 1.1 times the error, half the time.
     assert "Error: Spearman 1.00" in agreement
     assert "typically off by a factor of 2.00; 25 settings" in agreement
-    assert any("Spearman of the objective: 0.90" in text for text in agreement)
+    assert any("not fitted to: 0.90" in text for text in agreement)
     bars, *small = result.plot("sensitivity").axes
     assert len(small) == len(NAMES)
     widths = [patch.get_width() for patch in bars.patches]

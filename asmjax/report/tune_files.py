@@ -150,7 +150,8 @@ def _sensitivity(result: TuningResult) -> "Figure":
             )
         )  # fmt: skip
     prices = np.array([point.price for point in found.front])
-    return draw_sensitivity(slopes, ways, prices, bending.price, result.title)
+    restless = "" if bending.settled else " Not of an optimum that is at rest: read with care."
+    return draw_sensitivity(slopes, ways, prices, bending.price, f"{result.title}.{restless}")
 
 
 _SCALED = {

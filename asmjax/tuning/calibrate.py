@@ -35,12 +35,13 @@ PRIORS = Fit(
 costs are the machine's, the others are known to a factor of two."""
 
 WIDE = 0.5
-"""Temperature of the first fit, whose decisions still feel what is far from tipping."""
+"""Temperature at which the rules' numbers are fitted: harder decisions do not feel what is far from
+tipping, and the search gets stuck. The correction is of what the rules say at `TEMPERATURE`."""
 
-CLOSE = 1e-3
+CLOSE = 3e-4
 """A fit is at rest when a step changes its numbers, or its misfits, by less than this part."""
 
-MAX_STEPS = 40
+MAX_STEPS = 60
 
 ROOM = 64
 """Trials are filled up to a multiple of this, so that few shapes are ever compiled: one, for as
@@ -89,13 +90,12 @@ def _said(evidence, settings, fit, temperature, rules):
 
 @functools.partial(jax.jit, static_argnames="max_steps")
 def _fitted(
-    evidence: Evidence, sample: Sample, start: Fit, rules: Rules, temperature,
-    max_steps: int = MAX_STEPS,
-):  # fmt: skip
+    evidence: Evidence, sample: Sample, start: Fit, rules: Rules, max_steps: int = MAX_STEPS
+):
     import optimistix as optx  # 0.3 s: only who tunes pays for it
 
     def misfits(fit, _):
-        edge, seconds = _said(evidence, sample.settings, fit, temperature, rules)
+        edge, seconds = _said(evidence, sample.settings, fit, WIDE, rules)
         error = jnp.log(edge + LEAST_PX) - sample.log_error
         time = jnp.log(seconds) - sample.log_seconds
         return (
@@ -108,7 +108,7 @@ def _fitted(
     found = optx.least_squares(misfits, solver, start, max_steps=max_steps, throw=False)
     numbers = jnp.all(jnp.isfinite(jnp.stack(found.value)))
     end = jax.tree.map(lambda end, first: jnp.where(numbers, end, first), found.value, start)
-    said = _said(evidence, sample.settings, end, temperature, rules)
+    said = _said(evidence, sample.settings, end, TEMPERATURE, rules)
     return end, jnp.stack(said), numbers & (found.result == optx.RESULTS.successful)
 
 
@@ -152,9 +152,7 @@ def calibrated_fit(
     rules = Rules(*(jnp.asarray(number) for number in rules_of(space.base)))
     fit = Fit(*(jnp.zeros(()) for _ in Fit._fields)) if start is None else start
     fit = Fit(*(jnp.asarray(number) for number in fit))
-    if start is None:
-        fit, _, _ = _fitted(evidence, sample, fit, rules, jnp.asarray(WIDE))
-    fit, said, settled = _fitted(evidence, sample, fit, rules, jnp.asarray(TEMPERATURE))
+    fit, said, settled = _fitted(evidence, sample, fit, rules)
     edge, time = said[:, :count]
     misfits = np.stack([
         np.asarray(sample.log_error[:count] - jnp.log(edge + LEAST_PX)),

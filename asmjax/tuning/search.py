@@ -90,6 +90,7 @@ class Found(NamedTuple):
     settled: np.ndarray
 
 
+@jax.jit
 def said(model: Model, point: Float[Array, " knobs"], temperature):
     """(edge_px, seconds) of all views together at a point of the box; differentiable."""
     values = values_at(point, model.low, model.high)

@@ -29,8 +29,8 @@ from asmjax.tuning.evidence import LEAST_SPAN, Evidence, Numbers
 from asmjax.tuning.space import node_cost
 
 TEMPERATURE = 0.25
-"""Width of its decisions, in factors of 2, where the surrogate is fitted, asked and shown. Searches
-begin with wider ones."""
+"""Width of its decisions, in factors of 2, where the surrogate is corrected, asked and shown. Its
+numbers are fitted, and searches begin, with wider ones."""
 
 RUNGS = 6
 """Passes along edges, at most: from matched texels 2^-10 is reached by the smallest steps."""
@@ -153,6 +153,9 @@ class Predicted(NamedTuple):
     nodes: Float[Array, ""]
 
 
+# Compiled on its own too: who compiles derivatives of it traces it once and not each time it is
+# called.
+@jax.jit
 def predict(
     evidence: Evidence,
     settings: dict[str, Array],

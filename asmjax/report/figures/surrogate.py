@@ -30,7 +30,7 @@ def draw_surrogate(
     Args:
         roles: (k,) of `ROLES`.
         measured, said: (2, k) wrong pixels per pixel of edge, and seconds.
-        spearman: rank correlation of the objective.
+        spearman: rank correlation of the objective, of settings that it was not fitted to.
     """
     top = EDGE + HEAD
     board = Board(
@@ -86,7 +86,9 @@ def draw_surrogate(
         columnspacing=0.8,
         handletextpad=0.3,
     )  # fmt: skip
-    rank = "" if spearman is None else f" Spearman of the objective: {spearman:.2f}."
+    rank = ""
+    if spearman is not None:
+        rank = f" Spearman of the objective, of settings it was not fitted to: {spearman:.2f}."
     board.caption(title, line=1)
     board.caption(f"On the line both agree; above it the surrogate says too much.{rank}")
     return board.figure
