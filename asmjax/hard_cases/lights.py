@@ -193,7 +193,7 @@ CASES = (
         f"{TEST}: the bias is a part of the depth; use a directional light", RAYS,
         "distance of the lamp, scene units",
         (10.0, 1e3, 1e5, 1e6, 1e7), WRONG, _far_lamp,
-        1e6, "the stated bias: 5e-6 of the distance to the lamp",
+        1e6, "the stated bias: 5e-6 of the distance; UseError beyond 1e5 diagonals",
     ),
 )  # fmt: skip
 """Of the theme "lights"."""

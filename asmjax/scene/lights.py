@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from asmjax.buffers import BLUR, EyeBuffer
-from asmjax.errors import UseError
+from asmjax.errors import UseError, require
 from asmjax.geometry import (
     LightFrame,
     fitted_directional_frame,
@@ -18,6 +18,10 @@ from asmjax.scene.spec import LightSpec
 
 NEAR_FRACTION = 1e-6
 """Receivers nearer to a light than this fraction of the scene's diagonal are not lit by it."""
+
+FARTHEST = 1e5
+"""Lamps farther away than so many diagonals of the scene are refused: the last digit of a float32
+depth from there is a hundredth of the scene, and the bias half of it."""
 
 KEPT_MARGIN = 0.25
 """A frame that is to be kept grows by this fraction, so that the next views fit into it too."""
@@ -110,6 +114,12 @@ def _lit_side(light: LightSpec, eye: EyeBuffer) -> np.ndarray:
 def _fitted(light: LightSpec, receivers: np.ndarray, bounds: np.ndarray, blur: float) -> LightFrame:
     if light.kind == "directional":
         return fitted_directional_frame(light.direction, receivers, bounds, blur=blur)
+    away = np.linalg.norm(np.asarray(light.position, np.float64) - bounds.mean(axis=1))
+    require(
+        bool(away <= FARTHEST * _diagonal(bounds)),
+        f"light '{light.name}' is {away / _diagonal(bounds):.3g} times the scene's diagonal away; "
+        f"allowed: {FARTHEST:g} times, as depths from there are float32: make it directional.",
+    )
     return fitted_point_frame(
         light.position,
         receivers,
