@@ -38,10 +38,10 @@ WIDE = 0.5
 """Temperature at which the rules' numbers are fitted: harder decisions do not feel what is far from
 tipping, and the search gets stuck. The correction is of what the rules say at `TEMPERATURE`."""
 
-CLOSE = 3e-4
+CLOSE = 3e-3
 """A fit is at rest when a step changes its numbers, or its misfits, by less than this part."""
 
-MAX_STEPS = 60
+MAX_STEPS = 40
 
 ROOM = 64
 """Trials are filled up to a multiple of this, so that few shapes are ever compiled: one, for as

@@ -32,14 +32,20 @@ FLAT = 1e-3
 """Directions in which the objective bends less than this part of the most do not move: settings
 that do nothing there have no best value."""
 
-STARTS = 2
+STARTS = 4
 """Of the searches at each price, with and besides continuation."""
+
+APART = 0.6
+"""Least distance of those starts, in sides of the box: near ones end in the same valley."""
 
 SCREENED = 512
 """Random points of which those searches start from the best."""
 
 STILL = (TEMPERATURE,)
-"""Temperatures of all searches here, which keep them in the valleys where they begin."""
+"""Temperatures of a search that keeps to the valley where it begins."""
+
+COOLING = (2 * TEMPERATURE, TEMPERATURE)
+"""Temperatures of a search that may leave it."""
 
 
 @eqx.filter_jit
@@ -120,7 +126,7 @@ def trace_front(
     """
     prices = price * np.geomspace(1 / SPAN, SPAN, POINTS)
     drawn = qmc.Sobol(len(NAMES), seed=seed)  # pyright: ignore[reportCallIssue]
-    own, others = drawn.random(SCREENED), drawn.random(SCREENED)
+    own, others = drawn.random(2 * SCREENED), drawn.random(SCREENED)
     known = _Screened(model, np.concatenate([tried, own]))
     curve = _curve(model, prices, known)
     elsewhere = _Screened(model, others)
@@ -137,9 +143,15 @@ class _Screened:
         self.points, self.said = points, said_of(model, points)
 
     def best(self, price: float) -> list[np.ndarray]:
-        """The best for a price."""
+        """The best for a price, `APART` from one another."""
         objective = self.said[0] + price * self.said[1]
-        return [*self.points[np.argsort(objective, kind="stable")[:STARTS]]]
+        chosen: list[np.ndarray] = []
+        for point in self.points[np.argsort(objective, kind="stable")]:
+            if all(np.linalg.norm(point - other) >= APART for other in chosen):
+                chosen.append(point)
+            if len(chosen) == STARTS:
+                break
+        return chosen
 
 
 def _curve(
@@ -149,19 +161,20 @@ def _curve(
     middle = len(prices) // 2
     curve: dict[int, tuple[np.ndarray, float]] = {}
 
-    def correct(k: int, starts: list[np.ndarray]) -> None:
-        found = search(model, Goal(price=float(prices[k])), starts, STILL)
+    def correct(k: int, starts: list[np.ndarray], temperatures=STILL) -> None:
+        found = search(model, Goal(price=float(prices[k])), starts, temperatures)
         if k not in curve or found.losses[0] < curve[k][1]:
             curve[k] = found.points[0], float(found.losses[0])
 
     # Out to either end from the middle, then all the way back and forth.
-    correct(middle, known.best(prices[middle]))
+    correct(middle, known.best(prices[middle]), COOLING)
     for k in (*range(middle + 1, len(prices)), *range(middle - 1, -1, -1)):
         beside = k - 1 if k > middle else k + 1
         here, ratio = curve[beside][0], np.log(prices[k] / prices[beside])
         step, _ = direction(model, float(prices[beside]), here)
         predicted = np.asarray(boxed(unboxed(here) + ratio * step))
-        correct(k, [predicted, *known.best(prices[k])])
+        correct(k, [predicted])
+        correct(k, known.best(prices[k]), COOLING)
     back_and_forth = [(k, k - 1) for k in range(1, len(prices))]
     back_and_forth += [(k, k + 1) for k in range(len(prices) - 2, -1, -1)]
     for k, beside in back_and_forth:
@@ -172,7 +185,7 @@ def _curve(
 def _front_point(
     model: Model, price: float, point: np.ndarray, loss: float, elsewhere: _Screened
 ) -> FrontPoint:
-    again = search(model, Goal(price=price), elsewhere.best(price), STILL)
+    again = search(model, Goal(price=price), elsewhere.best(price), COOLING)
     if again.losses[0] < loss:
         point = again.points[0]
     edge, seconds = said_of(model, point[None])[:, 0]

@@ -12,10 +12,10 @@ from asmjax.tuning.space import Space
 STEP = (0.12, 0.3)
 """Of the range of a setting, to its neighbours."""
 
-SCREENED = 512
+SCREENED = 256
 """Random points of which a search of the surrogate starts from the best."""
 
-NEW_SIZES = 2
+NEW_SIZES = 1
 """Of the proposals of a round, those that come first for their size of nodes or memory."""
 
 OFF, END = 0.05, 0.03

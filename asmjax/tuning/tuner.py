@@ -39,7 +39,7 @@ ROUNDS, PROPOSALS = 2, 5
 LEAST_EVALUATIONS = SAMPLES + ROUNDS * PROPOSALS
 """Fewer leave nothing for neighbours."""
 
-STARTS = 3
+STARTS = 2
 """Of each search: of the best measured, and of the best by the surrogate."""
 
 FINALISTS = 3
@@ -96,7 +96,7 @@ class Tuner:
         ledger: Ledger,
         seed: int = 0,
         evaluations: int = 60,
-        rounds: int = 5,
+        rounds: int = 4,
         deadline: float | None = None,
         progress: Callable[[str], None] = lambda _: None,
     ):
