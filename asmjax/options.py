@@ -216,7 +216,7 @@ class SearchOptions:
     """Settings that the search may try on the real map, 50 or more; the default, a grid of 32, the
     rest of a random search and what is measured on the held-out views come on top."""
 
-    repeats: Annotated[int, arg(metavar="COUNT")] = 5
+    repeats: Annotated[int, arg(metavar="COUNT")] = 4
     """Timed runs on the held-out views, all settings in turns."""
 
     seed: Annotated[int, arg(metavar="INT")] = 0

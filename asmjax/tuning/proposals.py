@@ -15,8 +15,8 @@ STEP = (0.12, 0.3)
 SCREENED = 256
 """Random points of which a search of the surrogate starts from the best."""
 
-NEW_SIZES = 1
-"""Of the proposals of a round, those that come first for their size of nodes or memory."""
+NEW_SIZES = 2
+"""Of the proposals of a round, those that come first for their size of nodes or memory, the best one among them."""
 
 OFF, END = 0.05, 0.03
 """As near to an end of its range a setting is tried at it: off, where it can be, or just there."""
