@@ -16,7 +16,8 @@ SCREENED = 256
 """Random points of which a search of the surrogate starts from the best."""
 
 NEW_SIZES = 2
-"""Of the proposals of a round, those that come first for their size of nodes or memory, the best one among them."""
+"""Of the proposals of a round, those that come first for their size of nodes or memory, the best
+of all among them."""
 
 OFF, END = 0.05, 0.03
 """As near to an end of its range a setting is tried at it: off, where it can be, or just there."""
