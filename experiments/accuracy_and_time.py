@@ -200,15 +200,15 @@ class Study:
             deviation = gradient_deviation(model, points)
         real = np.stack([edge, seconds])[:, self.known :]
         correlations = {
-            f"{price:g}": float(spearmanr(_objective(guessed, price), _objective(real, price))[0])
+            f"{price:g}": _spearman(_objective(guessed, price), _objective(real, price))
             for price in (PRICE, *PRICES)
         }
         self.record.record.setdefault("ranked", {})[subject.name] = {
             "settings": self.random,
             "fitted_to": self.known,
             "spearman_by_price": correlations,
-            "spearman_error": float(spearmanr(guessed[0], real[0])[0]),
-            "spearman_seconds": float(spearmanr(guessed[1], real[1])[0]),
+            "spearman_error": _spearman(guessed[0], real[0]),
+            "spearman_seconds": _spearman(guessed[1], real[1]),
             "fit_error_misfit": fit.error_misfit,
             "fit_seconds_misfit": fit.seconds_misfit,
             "guessed": guessed.T.tolist(),
@@ -268,6 +268,10 @@ def gradient_deviation(model: Model, points: np.ndarray, count: int = 24) -> flo
         ])  # fmt: skip
         worst = max(worst, float(np.abs(analytic - numeric).max() / np.abs(numeric).max()))
     return worst
+
+
+def _spearman(one: np.ndarray, other: np.ndarray) -> float:
+    return float(np.asarray(spearmanr(one, other)[0]))
 
 
 def _objective(pair: np.ndarray, price: float) -> np.ndarray:
