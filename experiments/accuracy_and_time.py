@@ -137,12 +137,12 @@ class Study:
             self.record.record.setdefault("left_out", []).append(f"{name}: not in {SHARED}")
             return
         ledger = Ledger(self.folder / f"{name}.jsonl")
-        result = None
+        space = None
         for price in PRICES:
-            result = self.tuned(subject, price, ledger)
+            space = self.tuned(subject, price, ledger).space
             self.record.write()
-        if name in RANKED:
-            self.ranked(subject, result.space, ledger)
+        if name in RANKED and space is not None:
+            self.ranked(subject, space, ledger)
         if name == "paper_room":
             self.replayed(subject, ledger)
         gc.collect()
@@ -183,7 +183,8 @@ class Study:
     def ranked(self, subject: Subject, space: Space, ledger: Ledger) -> None:
         """Random settings by the surrogate, fitted to others, and as measured; and the gradient."""
         bench = subject.benches[0]
-        points = qmc.Sobol(len(space.knobs), seed=11).random(256)[: self.known + self.random]
+        drawn = qmc.Sobol(len(space.knobs), seed=11)  # pyright: ignore[reportCallIssue]
+        points = drawn.random(256)[: self.known + self.random]
         trials = [
             bench.try_all([space.algorithm(point)], 1, ledger, warm_ups=0)[0]
             for point in self.record.bar(points, f"{subject.name}: random settings")

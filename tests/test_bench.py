@@ -26,6 +26,7 @@ from asmjax.experiment.trial import STAGES, trial_of
 from asmjax.metrics import boundary_edges, boundary_length, error_summary, surface_pairs
 from asmjax.scene.analytic_scenes import ANALYTIC_SCENES
 from asmjax.shadow import (
+    ALGORITHMS,
     AdaptiveShadowMap,
     CostModel,
     LogarithmicShadowMap,
@@ -147,7 +148,7 @@ def varying(monkeypatch):
         monkeypatch.setattr(Varying, name, [])
     monkeypatch.setattr(Varying, "most_alive", 0)
     monkeypatch.setattr(CLOCK, "slowness", lambda: 1.0)
-    monkeypatch.setitem(bench_module.ALGORITHMS, "varying", Varying)
+    monkeypatch.setitem(ALGORITHMS, "varying", Varying)
     monkeypatch.setattr("asmjax.experiment.timing.time.perf_counter", lambda: CLOCK.now)
     return Varying
 

@@ -234,7 +234,8 @@ def test_every_family_has_its_range():
     sides = [settings_of(i.algorithm)["resolution"] for i in found if i.family == "uniform"]  # type: ignore[arg-type]
     assert sides == [2048, 512, 4096, 1024]
     cut = [i for i in found if i.family == "subdivided" and i.rank >= 4]
-    assert [item.label for item in cut] == ["16 MB, parts 1", "16 MB, parts 4", "16 MB, strength -1"]
+    labels = ["16 MB, parts 1", "16 MB, parts 4", "16 MB, strength -1"]
+    assert [item.label for item in cut] == labels
     assert [item.rank for item in cut] == [LAST - 1, LAST, LAST]
     assert "16 MB, discontinuity 0.01" in [item.label for item in found]
     assert cut[1].algorithm == SubdividedShadowMap(resolution=2048, parts=4)

@@ -165,10 +165,9 @@ def test_on_the_host_any_number_of_rays():
     rng = np.random.default_rng(5)
     for count in (0, 1, LANES - 1, LANES + 3):
         place = rng.normal(size=(3, count)) + [[0.0], [0.0], [9.0]]
-        corners = tuple(place + rng.normal(size=(3, count)) for _ in range(2))
-        third = 3 * place - corners[0] - corners[1]
+        a, b = (place + rng.normal(size=(3, count)) for _ in range(2))
         origin = np.array([0.1, 0.2, 0.3])
-        found = meet_triangles_on_host(origin, place - origin[:, None], (*corners, third))
+        found = meet_triangles_on_host(origin, place - origin[:, None], (a, b, 3 * place - a - b))
         assert found.t.shape == (count,) and found.weights.shape == (3, count)
         np.testing.assert_allclose(found.t[found.met], 1.0, rtol=1e-9)
         assert found.met.sum() >= 0.99 * count and found.t.dtype == np.float64

@@ -1,5 +1,7 @@
 """What a depth test cannot tell apart, in scene units: the bias of a map where it is asked."""
 
+from typing import cast
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -10,7 +12,7 @@ from asmjax.footprint import determinant
 from asmjax.geometry import LightFrame
 from asmjax.numerics import safe_divide, safe_sqrt
 from asmjax.shadow import ShadowAlgorithm
-from asmjax.shadow.comparison import bias_distance
+from asmjax.shadow.comparison import Tested, bias_distance
 
 
 def stated_bias(algorithm: ShadowAlgorithm, state, eye: EyeBuffer, frame: LightFrame) -> np.ndarray:
@@ -20,10 +22,10 @@ def stated_bias(algorithm: ShadowAlgorithm, state, eye: EyeBuffer, frame: LightF
     Walls that stand farther above a receiver do not let light through. Ids need no bias: it is 0
     where nothing else is compared.
     """
-    points = eye.points
+    points, test = eye.points, cast(Tested, algorithm)
     density = algorithm.density(state, points)
-    distance, known = _distance(points, frame, light_offset(points, frame), density, algorithm.bias)
-    distance = np.zeros(known.shape) if algorithm.compare == "id" else np.asarray(distance)
+    distance, known = _distance(points, frame, light_offset(points, frame), density, test.bias)
+    distance = np.zeros(known.shape) if test.compare == "id" else np.asarray(distance)
     return np.where(known, distance.astype(np.float64), np.nan)
 
 

@@ -5,7 +5,7 @@ shadow's edge may be wrong however exact the arithmetic is. What is wrong elsewh
 computation, of bias, or of what the map holds: what hard cases are about.
 """
 
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import jax
 import numpy as np
@@ -16,7 +16,7 @@ from asmjax.geometry import Charts
 from asmjax.hard_cases.scene import Scene
 from asmjax.scene.analytic import closest
 from asmjax.shadow.base import ShadowAlgorithm
-from asmjax.shadow.comparison import bias_distance
+from asmjax.shadow.comparison import Tested, bias_distance
 from asmjax.shadow.warped.charted import ChartedState, Drawn
 
 _REACH = np.linspace(-1.0, 1.0, 9)
@@ -61,9 +61,9 @@ def explained(scene: Scene, algorithm: ShadowAlgorithm, state, visibility) -> Ex
     looked = np.flatnonzero(wrong & known)
     if looked.size:
         texel = np.linalg.inv(density[looked])
-        width = np.linalg.norm(texel, ord=2, axis=(1, 2))
+        width, forgiven = np.linalg.norm(texel, ord=2, axis=(1, 2)), cast(Tested, algorithm).bias
         bias = np.asarray(bias_distance(receivers, 1.0, 0.0), np.float64)[looked] * width
-        bias += np.asarray(bias_distance(receivers, 0.0, algorithm.bias), np.float64)[looked]
+        bias += np.asarray(bias_distance(receivers, 0.0, forgiven), np.float64)[looked]
         face = np.asarray(receivers.face)[looked]
         uv = _image(scene, face, scene.eye.world[:, looked])
         steps = np.stack([np.tile(_REACH, _REACH.size), np.repeat(_REACH, _REACH.size)])

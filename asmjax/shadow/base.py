@@ -15,7 +15,6 @@ from jaxtyping import Array, Float, Float64
 from asmjax.buffers import EyeBuffer, LightRays, SurfacePoints
 from asmjax.geometry import LightFrame
 from asmjax.memory import Memory
-from asmjax.shadow.comparison import Compare
 
 State = TypeVar("State")
 
@@ -114,13 +113,6 @@ class ShadowAlgorithm(eqx.Module, Generic[State]):
 
     reference: eqx.AbstractClassVar[str]
     """Where the algorithm comes from."""
-
-    compare: eqx.AbstractVar[Compare]
-    """What is stored and compared."""
-
-    bias: eqx.AbstractVar[float]
-    """Distance along the receiver's normal by which a caster must be nearer, in parts of the
-    receiver's depth."""
 
     @property
     @abc.abstractmethod

@@ -8,7 +8,7 @@ a depth on an inclined plane does.
 """
 
 import math
-from typing import Literal, get_args
+from typing import Literal, Protocol, get_args
 
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, UInt16
@@ -31,6 +31,19 @@ the tangent plane. Shrinks with the texels, so it vanishes where a map is refine
 
 FLATTEST = 1 / 16
 """A plane that leaves [1/16, 16] times the receiver's depth within a texel is not trusted."""
+
+
+class Tested(Protocol):
+    """The settings of the shadow test, which every algorithm has.
+
+    Attributes:
+        compare: what is stored and compared.
+        bias: distance along the receiver's normal by which a caster must be nearer, in parts of the
+            receiver's depth.
+    """
+
+    compare: Compare
+    bias: float
 
 
 def check_test(compare: str, bias: float) -> None:

@@ -184,7 +184,7 @@ def predict(
     roots = evidence.faces * jnp.exp2(2 * (start - node))
     discontinuity = jnp.log(settings["discontinuity"])
 
-    def nodes_of(count, size, weight=1.0):
+    def nodes_of(count, size, weight: Array | float = 1.0):
         """Part of the nodes made over (n,) crowds of so many asking pixels each, which stand for
         `weight` pixels, and part of those pixels that get one. Nodes have texels of log2 `size`
         (n,) beside a pixel's: the coarser, the more texels pixels there ask for."""

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 
 from asmjax.experiment.bench import Bench
@@ -105,9 +106,9 @@ def made_model(seeds: Sequence[int] = (0,), fit: Fit = EXPECTED) -> Model:
         tuple(made_evidence(seed) for seed in seeds),
         tuple(fit for _ in seeds),
         tuple(no_correction(len(low) + 2, 1) for _ in seeds),
-        np.full(len(seeds), 1 / len(seeds)),
-        low,
-        high,
+        jnp.full(len(seeds), 1 / len(seeds)),
+        jnp.asarray(low),
+        jnp.asarray(high),
         RULES,
     )
     return jax.tree.map(jax.numpy.asarray, parts)

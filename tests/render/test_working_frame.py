@@ -52,15 +52,13 @@ def traced(scene, light=None):
     return eye, frame, scene.shadow_rays(eye, frame, scene.light_rays(light)).trace()
 
 
-def ref_lit(spec: SceneSpec, eye, frame, shift=0.0) -> np.ndarray:
+def ref_lit(spec: SceneSpec, eye, frame, shift: np.ndarray | float = 0.0) -> np.ndarray:
     """Visibility of all pixels by the spec's own float64 triangles, starts moved by `shift`."""
-    corners = tuple(
-        np.concatenate([s.vertices[:, s.faces[k]] for s in spec.shapes if isinstance(s, Mesh)], 1)
-        for k in range(3)
-    )
+    meshes = [shape for shape in spec.shapes if isinstance(shape, Mesh)]
+    a, b, c = (np.concatenate([s.vertices[:, s.faces[k]] for s in meshes], 1) for k in range(3))
     light = frame.origin if frame.perspective else frame.rotation[0, 2]
     start = np.where(eye.valid, eye.world, frame.origin[:, None] + 1.0) + shift
-    return ~ref_blocked(corners, start, light, eye.prim, parallel=not frame.perspective)
+    return ~ref_blocked((a, b, c), start, light, eye.prim, parallel=not frame.perspective)
 
 
 def wrong_for_sure(spec, scene, eye, frame, lit) -> int:
