@@ -45,6 +45,9 @@ STARTS = 2
 FINALISTS = 3
 """Of each kind, how many are measured on the held-out views: as many draws for each."""
 
+APART = 0.15
+"""Distance of finalists of a kind, in sides of the box: of near ones only the noise differs."""
+
 LEAST_WEIGHT = 0.3
 """Of a trial in the fit, however far from the best."""
 
@@ -275,8 +278,7 @@ class Tuner:
         """The default and the best few of each kind on the held-out views, in turns."""
         chosen = {"default": [default]}
         for kind, some in self._kinds.items():
-            unique = {id(one): one for one in some}
-            chosen[kind] = self.tried.first([*unique.values()], FINALISTS)
+            chosen[kind] = apart(self.tried.first(some, len(some)), FINALISTS)
         unique = {settings_key(one.algorithm): one for some in chosen.values() for one in some}
         algorithms = [one.algorithm for one in unique.values()]
         columns = []
@@ -363,6 +365,17 @@ class Tuner:
                 f"{1e3 * tuned.seconds:.3g} ms; asked was {self.goal.words}."
             )
         return f"{outcome.value}."
+
+
+def apart(ordered: Sequence[Candidate], count: int) -> list[Candidate]:
+    """The first so many of those in order, each `APART` from the ones before it."""
+    chosen: list[Candidate] = []
+    for one in ordered:
+        if all(np.linalg.norm(one.point - other.point) >= APART for other in chosen):
+            chosen.append(one)
+        if len(chosen) == count:
+            break
+    return chosen
 
 
 def grid(space: Space, base: AdaptiveShadowMap) -> list[np.ndarray]:
