@@ -49,7 +49,7 @@ SCENES = ("paper_room", "terrain", "munich", "breakfast_room", "victorian_house"
 RANKED = {"paper_room": 0.9, "munich": 0.8, "terrain": 0.8, "breakfast_room": 0.8}
 """Scenes whose settings are ranked, and the least rank correlation."""
 
-PRICES = (0.01, 5.0, 20.0)
+PRICES = (0.01, 3.0, 10.0)
 """Pixels of edge displacement that a second is worth: accuracy first, both, time first."""
 
 PRICE = 1.0

@@ -12,7 +12,7 @@ import zlib
 
 import hypothesis
 import pytest
-from helpers.effort import EXAMPLES, PROFILE
+from helpers.effort import EXAMPLES, HARD, PROFILE
 
 # Before anything imports Dr.Jit. Workers of xdist inherit the folder of the process that made it.
 if "ASMJAX_TEST_SCRATCH" not in os.environ:
@@ -53,7 +53,9 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:
-    """Skip what this machine cannot run, and say why."""
+    """Skip what this machine cannot run, or this run has no time for, and say why."""
+    if item.get_closest_marker("slow") and not HARD:
+        pytest.skip("takes long; `make test-hard` runs it")
     if item.get_closest_marker("mitsuba"):
         from asmjax.errors import UseError
         from asmjax.render.variant import activate

@@ -38,6 +38,7 @@ def quick(script, tmp_path_factory):
     return folder, script["run"](folder, script["QUICK"], quiet=True)
 
 
+@pytest.mark.slow
 def test_quick_run_writes_everything(quick):
     """Every step done; the record on disk is the one returned; every figure is a file."""
     folder, record = quick
@@ -55,6 +56,7 @@ def test_quick_run_writes_everything(quick):
     assert jnp.result_type(float) == jnp.float32, "64 bits are for the run only"
 
 
+@pytest.mark.slow
 def test_quick_run_passes_every_bound_of_the_theory(quick):
     """Sizes change how many numbers are compared, not which: none is skipped, none of the theory
     fails; what is measured at such sizes says nothing."""
@@ -76,6 +78,7 @@ def test_quick_run_passes_every_bound_of_the_theory(quick):
     assert by_angle[10] > 1e7 > 900 > by_angle[90]
 
 
+@pytest.mark.slow
 def test_measured_numbers_are_of_one_run(quick):
     """What must hold at any size: angles as asked for, sums of stages, maps within their bytes."""
     _, record = quick

@@ -59,7 +59,6 @@ def test_every_script_has_a_row_in_its_readme(folder):
         assert f"`{script.name}`" in text
 
 
-@pytest.mark.slow
 @pytest.mark.mitsuba
 def test_first_look_notebook_runs(capsys):
     """The notebook runs as a script, and its adaptive map is better than its uniform one."""

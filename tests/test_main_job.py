@@ -289,10 +289,13 @@ def test_notices_are_told_once(tmp_path, caplog, no_figures):
     assert any("'sky'" in notice for notice in report["notices"])
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("view", "factor", "resolution"),
-    [("overview", 3, 0), ("closeup", 10, 65_536), ("macro", 10, 524_288)],
+    [
+        ("overview", 3, 0),
+        pytest.param("closeup", 10, 65_536, marks=pytest.mark.slow),
+        pytest.param("macro", 10, 524_288, marks=pytest.mark.slow),
+    ],
 )
 def test_paper_room_bounds(view, factor, resolution):
     """16 MB at 512 x 512: so many times fewer wrong pixels than the 2048 x 2048 depth map."""
