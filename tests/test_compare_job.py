@@ -127,6 +127,7 @@ def edge_px(trial: dict) -> float:
     return trial["error"]["boundary_displacement_px"]["per_edge_length"]
 
 
+@pytest.mark.slow
 @pytest.mark.mitsuba
 def test_a_restart_measures_nothing_again(result, options, monkeypatch):
     """Rationale: whoever stops a comparison of an hour must not pay for it twice."""

@@ -103,6 +103,7 @@ def no_figures(monkeypatch):
     monkeypatch.setattr("asmjax.report.run_files.write_figures", lambda pictures, folder: None)
 
 
+@pytest.mark.slow
 def test_samples_give_fractions_and_the_seed_repeats_them(tmp_path, no_figures):
     """Four rays per pixel: visibility in quarters; the same seed gives the same truth."""
     truths = []
@@ -170,6 +171,7 @@ def test_an_adaptive_settings_file_is_the_adaptive_map(tmp_path, no_figures):
     assert max(uniform["bytes"], adaptive["bytes"]) <= 2**20
 
 
+@pytest.mark.slow
 def test_another_settings_file_is_one_more_method(tmp_path):
     """In report, table and figures, beside the maps of the other options."""
     chosen = LightSpaceShadowMap(resolution=64, falloff="sine")
@@ -185,6 +187,7 @@ def test_another_settings_file_is_one_more_method(tmp_path):
     assert "\nlight-space-64," in (out / "methods.csv").read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_a_uniform_settings_file_keeps_its_own_name(tmp_path, no_figures):
     """Of the same resolution as the map that all are compared with, but not the same map."""
     report = of_file(tmp_path, UniformShadowMap(512, bias=0.5), "--memory-mb", "1")

@@ -41,10 +41,19 @@ LIGHTS = ("a6_sphere", "a6_sphere_sun")
 """A point light that needs three faces, and parallel rays."""
 
 
+ALIKE = ("perspective", "trapezoidal", "logarithmic")
+"""Maps of one warped chart, as `light-space` is: the quick run leaves them to it."""
+
+
+def case_of(sibling, *more):
+    """A parameter set of the tests below, its name beginning with the algorithm's."""
+    marks = [pytest.mark.slow] if sibling.name in ALIKE else []
+    return pytest.param(sibling, *more, id="-".join((sibling.name, *more)), marks=marks)
+
+
 def pairs(*chosen):
     """Parametrises `sibling` and `name` by pairs of an algorithm and a scene."""
-    ids = [f"{sibling.name}-{name}" for sibling, name in chosen]
-    return pytest.mark.parametrize(("sibling", "name"), chosen, ids=ids)
+    return pytest.mark.parametrize(("sibling", "name"), [case_of(*pair) for pair in chosen])
 
 
 each = pairs(
@@ -59,7 +68,7 @@ each_setting = pairs(
     *((sibling, LIGHTS[k % 2]) for k, sibling in enumerate(SIBLINGS)),
     *((variant, "a4_disc_light") for variant in VARIANTS),
 )
-each_sibling = pytest.mark.parametrize("sibling", SIBLINGS, ids=lambda s: s.name)
+each_sibling = pytest.mark.parametrize("sibling", [case_of(one) for one in SIBLINGS])
 
 
 def built(sibling, name, side=SIDE, texels=TEXELS):
