@@ -19,8 +19,9 @@ def stated_bias(algorithm: ShadowAlgorithm, state, eye: EyeBuffer, frame: LightF
     """(n,) float64 distance along the normal, scene units, below which a caster may be taken for
     the receiver that each eye pixel sees; NaN where none faces the light or no texel answers.
 
-    Walls that stand farther above a receiver do not let light through. Ids need no bias: it is 0
-    where nothing else is compared.
+    Walls that stand farther above a receiver do not let light through, but for two primitives
+    whose ids agree in the 16 bits that maps keep. Ids need no bias: it is 0 where nothing else is
+    compared.
     """
     points, test = eye.points, cast(Tested, algorithm)
     density = algorithm.density(state, points)

@@ -91,6 +91,7 @@ def _exact(
         seen.shape[curved], camera.origin, directions[:, curved], t[curved]
     )
     world[:, curved] = camera.origin[:, None] + t[curved] * directions[:, curved]
+    hit[curved] &= t[curved] > 0
     towards_eye = -np.sign(np.einsum("in,in->n", normal[:, other], directions[:, other]))
     normal[:, other] *= np.where(towards_eye == 0, 1, towards_eye)
     return np.where(hit, world, np.nan), np.where(hit, normal, 0.0), np.where(hit, t, np.inf)

@@ -29,6 +29,9 @@ from asmjax.scene.spec import LightSpec, SceneSpec, ViewSpec, pick
 
 _log = logging.getLogger("asmjax")
 
+MOST_MOVES = 3
+"""Times that a scene file is moved before its frame is taken as it is."""
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Scene:
@@ -151,9 +154,11 @@ def load_scene(
         return _from_spec(activate(variant), load_builtin(name))
     path = _scene_file(name)
     mi = activate(variant)
-    if not trust:
-        admit(path, variant)
-    return _from_mitsuba(path.stem, ParsedScene(mi, path, f"scene file '{name}'"), mi)
+    admitted = None if trust else admit(path, variant)
+    parsed = ParsedScene(mi, path, f"scene file '{name}'")
+    if admitted is not None:
+        parsed.check_documents(admitted.documents)
+    return _from_mitsuba(path.stem, parsed, mi)
 
 
 def _scene_file(name: str) -> Path:
@@ -182,14 +187,25 @@ def _from_mitsuba(name: str, parsed: ParsedScene, mi) -> Scene:
     scene, working, notices = parsed.made(WORLD), WORLD, []
     if not hasattr(scene, "shapes") or not scene.shapes():
         raise UseError(f"scene '{name}' has no shapes; asmjax needs surfaces to cast shadows on.")
-    better = working_frame(box_of(scene.bbox(), WORLD), scales=can_scale)
-    if not better.is_identity and can_move:
-        scene, working = parsed.made(better), better
-    elif not better.is_identity:
+    better = working_frame(box_of(scene.bbox(), WORLD))
+    if not better.is_identity and not can_scale:
+        notices.append(
+            f"scene '{name}' is far from the origin, very small or very large, and holds curves, "
+            "whose radii cannot be scaled: it is moved to the origin, and rays may lose digits"
+        )
+    if not better.is_identity and not can_move:
         notices.append(
             f"scene '{name}' is far from the origin, very small or very large, and holds shapes "
             "that were made before: rays are cast where it is, and lose digits there"
         )
+        better = WORLD
+    # Far away a box is known roughly only, and better once the scene was moved.
+    for _ in range(MOST_MOVES):
+        better = replace(better, scale=better.scale if can_scale else 1.0)
+        if better == working:
+            break
+        scene, working = parsed.made(better), better
+        better = working_frame(box_of(scene.bbox(), working), working)
     instancing = find_instances(mi, scene, name)
     low, high = box_of(scene.bbox(), working).T
     views = read_sensors(mi, scene.sensors(), notices, said, float(np.linalg.norm(high - low)))

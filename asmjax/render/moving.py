@@ -42,7 +42,13 @@ class MovingShapes:
         self.name = ", ".join(scene.shape_names[k] for k in self.shapes)
         shapes = scene._scene.shapes()
         self._movable = [shapes[k] for k in self.shapes]
+        lamps = {light.shape for light in scene.lights.values()}
         for k in self.shapes:
+            require(
+                k not in lamps,
+                f"'{scene.shape_names[k]}' is a lamp, whose light would stay behind; choose "
+                "another --object, or --motion light.",
+            )
             require(
                 not is_instance(shapes[k]),
                 f"'{scene.shape_names[k]}' is an instance of a shape group, and those cannot be "
@@ -95,9 +101,9 @@ def _chosen(scene: Scene, wanted: str | None) -> list[int]:
         most = LARGEST_OBJECT * np.linalg.norm(high - low)
         boxes = [box_of(shape.bbox(), scene.working) for shape in shapes]
         sizes = [np.linalg.norm(np.diff(box, axis=1)) for box in boxes]
-        objects = [
-            k for k, size in enumerate(sizes) if 0 < size <= most and not is_instance(shapes[k])
-        ]
+        still = {light.shape for light in scene.lights.values()}
+        still |= {k for k, shape in enumerate(shapes) if is_instance(shape)}
+        objects = [k for k, size in enumerate(sizes) if 0 < size <= most and k not in still]
         if not objects:
             raise UseError(
                 f"scene '{scene.name}' has no shape of its own that could move: every one is "

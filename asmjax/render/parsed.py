@@ -4,7 +4,8 @@ Between the two, transforms are float64: shapes are moved into a working frame b
 rounded, and the places of sensors and lights are read as the file says them.
 """
 
-from collections.abc import Callable
+import os
+from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from pathlib import Path
 
@@ -52,6 +53,7 @@ class ParsedScene:
             return state
 
         state = self._attempt(parse)
+        self._read = [str(name) for name in state.files]
         for k, node in enumerate(state.nodes):
             if not node.props.id():
                 node.props.set_id(f"{UNNAMED}{k}")
@@ -83,6 +85,16 @@ class ParsedScene:
                 _move(self._mi, state.nodes[number].props, working)
         return self._attempt(lambda: self._mi.parser.instantiate(self._config, state))
 
+    def check_documents(self, scanned: Sequence[Path]) -> None:
+        """Raise `UseError` where the renderer read other scene files than were checked."""
+        read = {os.path.realpath(name) for name in self._read}
+        expected = {os.path.realpath(path) for path in scanned}
+        if read != expected:
+            raise UseError(
+                f"{self._what} includes {len(read - expected)} files that were not checked; write "
+                "them out, or give --trust-scene if you trust the scene."
+            )
+
     @property
     def can_move(self) -> bool:
         """Whether all shapes can be moved: what a dictionary holds ready-made cannot."""
@@ -110,7 +122,8 @@ class ParsedScene:
     def _own_shapes(self, state) -> list[int]:
         """Numbers of the shapes that stand in the scene itself, not in a group."""
         shape = self._mi.ObjectType.Shape
-        found, waiting = [], [0]
+        found: dict[int, None] = {}
+        waiting = [0]
         while waiting:
             props = state.nodes[waiting.pop()].props
             for _, value in props.items():
@@ -121,14 +134,15 @@ class ParsedScene:
                 if child.type == shape and child.props.plugin_name() == "merge":
                     waiting.append(number)
                 elif child.type == shape and child.props.plugin_name() != "shapegroup":
-                    found.append(number)
-        return found
+                    # Once, however often it is referred to.
+                    found[number] = None
+        return list(found)
 
 
 def _plain(props) -> dict:
     found = {}
     for name, value in props.items():
-        if "Transform" in type(value).__name__:
+        if name == "to_world" and "Transform" in type(value).__name__:
             found[name] = np.array(value.matrix, np.float64).reshape(4, 4)
         elif isinstance(value, bool | int | float | str):
             found[name] = value

@@ -25,7 +25,7 @@ from asmjax.scene.file_names import shown
 from asmjax.scene.mesh_files import check_mesh_file
 from asmjax.scene.scan import SceneFiles, scan
 
-RULES = 1
+RULES = 2
 """Number of the rules; a change of what is refused forgets what was let through."""
 
 START_SECONDS = 120.0
@@ -49,8 +49,8 @@ KEPT = ("PATH", "HOME", "TMPDIR", "LANG", "LC_ALL", "LD_LIBRARY_PATH", "VIRTUAL_
 KEPT_FAMILIES = ("ASMJAX_", "DRJIT_", "XDG_")
 
 
-def admit(path: Path, variant: str | None = None) -> None:
-    """Return if the scene file at `path` may be loaded in this process.
+def admit(path: Path, variant: str | None = None) -> SceneFiles:
+    """The files of the scene at `path`, if it may be loaded in this process.
 
     Args:
         variant: what it will be loaded in. The child loads it in llvm_ad_rgb if that is asked for,
@@ -63,11 +63,12 @@ def admit(path: Path, variant: str | None = None) -> None:
     variant = variant if variant == "llvm_ad_rgb" else "scalar_rgb"
     record = paths.cache_dir() / "scenes" / f"{_digest(path, files, variant)}.json"
     if record.exists():
-        return
+        return files
     check_meshes(files)
     with Trial(variant) as trial:
         trial.load(path, files.bytes())
     paths.keep_text(record, json.dumps({"scene": path.name, "rules": RULES}))
+    return files
 
 
 def examine(path: Path, trial: "Trial") -> None:

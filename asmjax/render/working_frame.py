@@ -97,23 +97,28 @@ WORLD = WorkingFrame()
 """Rays are cast where the scene is."""
 
 
-def working_frame(bounds: np.ndarray, scales: bool = True) -> WorkingFrame:
+def working_frame(bounds: np.ndarray, known: WorkingFrame = WORLD) -> WorkingFrame:
     """The frame for a scene with the box `bounds` (3, 2) float64, min and max per axis.
 
-    `WORLD` for scenes of usual size near the origin. With `scales` False it only moves.
+    `WORLD` for scenes of usual size near the origin; `known` itself where the scene already is
+    as it should be in there. A box without a size, as a small one may be that was rounded far away,
+    is moved to the origin.
     """
+    if not np.isfinite(bounds).all():
+        return known
+    inside = known.inward(bounds)
+    diagonal = float(np.linalg.norm(inside[:, 1] - inside[:, 0]))
+    far = np.abs(inside.mean(axis=1)).max() > FARTHEST * diagonal
+    if not far and (diagonal == 0 or SMALLEST <= diagonal <= LARGEST):
+        return known
     diagonal = float(np.linalg.norm(bounds[:, 1] - bounds[:, 0]))
     centre = bounds.mean(axis=1)
-    if not np.isfinite(bounds).all() or diagonal == 0:
-        return WORLD
-    far = np.abs(centre).max() > FARTHEST * diagonal
-    small_or_large = scales and not SMALLEST <= diagonal <= LARGEST
-    if not far and not small_or_large:
-        return WORLD
+    if diagonal == 0:
+        return WorkingFrame((float(centre[0]), float(centre[1]), float(centre[2])))
     octave = np.floor(np.log2(diagonal))
     step = 2.0**octave / CENTRE_STEPS
     rounded = np.round(centre / step) * step
     return WorkingFrame(
         centre=(float(rounded[0]), float(rounded[1]), float(rounded[2])),
-        scale=float(2.0 ** (DIAGONAL_LOG2 - octave)) if scales else 1.0,
+        scale=float(2.0 ** (DIAGONAL_LOG2 - octave)),
     )

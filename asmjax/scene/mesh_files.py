@@ -122,7 +122,11 @@ def _ply_header(path: Path) -> tuple[str, list[_Element], int]:
     require(head[:3] == b"ply" and end is not None, "has no PLY header; export it again.")
     assert end is not None
     order, elements = None, []
-    for line in head[: end.start()].decode("latin-1").splitlines()[1:]:
+    require(
+        bool(re.fullmatch(rb"[\t\n\r -~]*", head[: end.start()])),
+        "has a PLY header with characters that are not plain text; export it again.",
+    )
+    for line in head[: end.start()].decode("ascii").split("\n")[1:]:
         words = line.split()
         try:
             match words:

@@ -8,6 +8,7 @@ on its lists. Only tags, attributes and the names of files are looked at; what m
 """
 
 import math
+import os
 import re
 import stat
 from collections.abc import Set
@@ -136,9 +137,11 @@ def scan(path: Path, plugins: Set[str]) -> SceneFiles:
 
 
 class _Open(NamedTuple):
-    """A file that is being read, and how many elements were around it when it began."""
+    """A file that is being read, its folder as it was named, and how many elements were around it
+    when it began."""
 
     path: Path
+    folder: Path
     parser: expat.XMLParserType
     depth: int
 
@@ -164,10 +167,10 @@ class _Scan:
                 f"scene file {shown(self._path.name)} is a link out of its folder; give the path "
                 "of the file itself."
             )
-        self._document(real)
+        self._document(real, self._folder.path)
         return SceneFiles(self._folder, tuple(self._documents), tuple(self._references))
 
-    def _document(self, path: Path) -> None:
+    def _document(self, path: Path, folder: Path) -> None:
         """Scan an XML file, inside the folder, at the place where it is included."""
         parser = expat.ParserCreate("UTF-8")
         if len(self._open) > MOST_INCLUDE_DEPTH:
@@ -178,7 +181,7 @@ class _Scan:
         self._includes += 1
         if self._includes > MOST_INCLUDES + 1:
             self._refuse(f"includes more than {MOST_INCLUDES} files in all; write them out.")
-        self._open.append(_Open(path, parser, len(self._stack)))
+        self._open.append(_Open(path, folder, parser, len(self._stack)))
         content = self._read(path)
         self._documents[path] = None
         parser.StartElementHandler = self._element
@@ -298,11 +301,22 @@ class _Scan:
             self._refuse(
                 f"names {shown(name)}, which is no regular file; name a file, or mend the scene."
             )
+        self._check_only_there(name, real)
         if kind == "include":
             Folder(real.parent).check_nothing_shadows()
-            self._document(real)
+            self._document(real, (self._folder.path / name).parent)
         else:
             self._references[Reference(real, kind)] = None
+
+    def _check_only_there(self, name: str, real: Path) -> None:
+        """Mitsuba looks beside included files first: there may be no other file of that name."""
+        for document in self._open[1:]:
+            for folder in (document.folder, document.path.parent):
+                if os.path.lexists(folder / name) and os.path.realpath(folder / name) != str(real):
+                    self._refuse(
+                        f"names {shown(name)}, which is in the scene's folder and beside an "
+                        "included file too; give one of them another name."
+                    )
 
     def _define(self, name: str, value: str) -> None:
         """A default of a parameter: the first one counts."""
@@ -352,7 +366,7 @@ class _Scan:
 
     def _refuse(self, what: str) -> NoReturn:
         # A refusal before the first file is open cannot happen: `run` opens it first.
-        path, parser, _ = self._open[-1]
+        path, _, parser, _ = self._open[-1]
         raise UseError(
             f"scene file {shown(self._folder.relative(path))}, line {parser.CurrentLineNumber}: "
             f"{what}"

@@ -212,6 +212,29 @@ INCLUDES = {
                    include("b.xml")), "in a circle"
     ),
     "doubling": Hostile(include_bomb, "more than 1000 files"),
+    "other file beside the included one": Hostile(
+        with_files(
+            {
+                "x.xml": f'<scene version="3.0.0">{BALL}</scene>',
+                "sub/inner.xml": f'<scene version="3.0.0">{include("x.xml")}</scene>',
+                "sub/x.xml": '<scene version="3.0.0"><path value="/"/></scene>',
+            },
+            include("sub/inner.xml"),
+        ),
+        "beside an included file too",
+    ),
+    "other spectrum beside the included one": Hostile(
+        with_files(
+            {
+                "a.spd": "400 1",
+                "sub/inner.xml": '<scene version="3.0.0"><bsdf type="diffuse">'
+                '<spectrum name="reflectance" filename="a.spd"/></bsdf></scene>',
+                "sub/a.spd": "400 2",
+            },
+            include("sub/inner.xml"),
+        ),
+        "beside an included file too",
+    ),
     "absolute": Hostile(parts(include("/etc/passwd")), "'/etc/passwd', which is outside"),
     "outside": Hostile(parts(include("../outside/secret.txt")), "which is outside"),
     "outside by a link": Hostile(

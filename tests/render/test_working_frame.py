@@ -228,6 +228,46 @@ def test_what_is_made_already_is_cast_where_it_is():
     assert not scene.working.is_identity and scene.notices == ()
 
 
+def with_parts(tmp_path, *parts: str):
+    path = tmp_path / f"scene{len(list(tmp_path.iterdir()))}.xml"
+    path.write_text(f'<scene version="3.0.0">{"".join(parts)}</scene>')
+    return load_scene(path)
+
+
+def placed(shape: str, x: float, scale: float = 1.0, more: str = "") -> str:
+    return (f'<shape type="{shape}" {more}><transform name="to_world"><scale value="{scale}"/>'
+            f'<translate x="{x}"/></transform></shape>')  # fmt: skip
+
+
+def test_a_shape_that_is_referred_to_twice_is_moved_once(tmp_path):
+    twice = with_parts(tmp_path, placed("cube", 5e4, 1.0, 'id="a"'), '<ref id="a"/>')
+    assert not twice.working.is_identity
+    np.testing.assert_allclose(twice.geometry.bounds[0], [5e4 - 1, 5e4 + 1])
+
+
+def test_a_small_scene_that_float32_makes_a_point_is_found(tmp_path):
+    """0.01 units wide, a million away: there float32 knows 0.06 units."""
+    scene = with_parts(tmp_path, placed("cube", 1e6 + 0.3, 0.005))
+    size = np.ptp(scene.geometry.bounds, axis=1)
+    np.testing.assert_allclose(size, 0.01, rtol=1e-4)
+    np.testing.assert_allclose(scene.geometry.bounds[0].mean(), 1e6 + 0.3, atol=1e-6)
+
+
+def test_curves_are_moved_and_the_run_says_what_is_left(tmp_path):
+    (tmp_path / "curve.txt").write_text("0 0 0 1e-7\n1e-6 0 0 1e-7\n2e-6 1e-6 0 1e-7\n")
+    curve = '<shape type="linearcurve"><string name="filename" value="curve.txt"/></shape>'
+    scene = with_parts(tmp_path, placed("cube", 0.0, 1e-6), curve)
+    assert scene.working.scale == 1 and "cannot be scaled" in scene.notices[0]
+
+
+def test_a_texture_s_own_transform_is_no_place():
+    mi = activate()
+    checks = {"type": "checkerboard", "to_uv": mi.ScalarTransform3f().scale(2)}
+    ground = {"type": "rectangle", "bsdf": {"type": "diffuse", "reflectance": checks}}
+    scene = load_scene({"type": "scene", "ground": ground, "eye": pinhole(mi)})
+    assert scene.eye(scene.view()).valid.any()
+
+
 def test_frames_round_trip_and_know_when_they_are_needed():
     """Usual scenes are left alone; the others come to 8 to 16 units about the origin, exactly."""
     box = np.array([[-1.0, 2.0], [0.0, 3.0], [-2.0, 1.0]])
@@ -243,7 +283,8 @@ def test_frames_round_trip_and_know_when_they_are_needed():
             np.r_[frame.inward(moved), np.ones((1, 2))],
             atol=1e-9 * np.abs(moved).max() * frame.scale,
         )
-    only_moved = working_frame(1e-3 * box + 50.0, scales=False)
-    assert only_moved.scale == 1 and np.abs(only_moved.inward(1e-3 * box + 50.0)).max() < 1
+    assert working_frame(moved, frame) is frame
+    point = np.full((3, 2), 1e6)
+    assert working_frame(point).centre == (1e6, 1e6, 1e6) and working_frame(0 * point) is WORLD
     assert working_frame(np.full((3, 2), np.nan)) is WORLD
     assert isinstance(frame, WorkingFrame) and jnp.isfinite(frame.scale)
