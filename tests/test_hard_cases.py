@@ -3,7 +3,6 @@
 `ASMJAX_TEST_HARD=1` asks for all severities instead of three of each case.
 """
 
-import os
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -11,6 +10,7 @@ from pathlib import Path
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from helpers.effort import HARD
 from helpers.hard_oracles import ORACLES, area_oracle, mp
 
 from asmjax.errors import UseError
@@ -20,7 +20,6 @@ from asmjax.hard_cases.projections import AXIS, FOCAL
 
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs/stability.md"
-HARD = os.environ.get("ASMJAX_TEST_HARD") == "1"
 
 KERNELS = [case for case in CASES.values() if not case.is_scene]
 each_kernel = pytest.mark.parametrize("case", KERNELS, ids=lambda case: case.name)

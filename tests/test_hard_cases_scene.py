@@ -4,12 +4,12 @@
 """
 
 import math
-import os
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers.analytic_cases import kept_arrays
+from helpers.effort import HARD
 from helpers.hard_oracles import ref_dark
 
 from asmjax.buffers import light_offset, project
@@ -18,8 +18,6 @@ from asmjax.hard_cases.explain import explained
 from asmjax.hard_cases.lights import SHAPES, SUN, VIEW
 from asmjax.hard_cases.measure import TEXELS, algorithm_for
 from asmjax.shadow import ALGORITHMS
-
-HARD = os.environ.get("ASMJAX_TEST_HARD") == "1"
 
 SCENES = [case for case in CASES.values() if case.is_scene]
 each_scene = pytest.mark.parametrize("case", SCENES, ids=lambda case: case.name)

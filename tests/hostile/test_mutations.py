@@ -10,6 +10,7 @@ from collections import Counter
 from pathlib import Path
 
 import pytest
+from helpers.effort import effort
 from helpers.mitsuba_scenes import REAL_SCENES
 
 from asmjax.errors import UseError
@@ -20,7 +21,7 @@ from hostile.watching import opened_files
 
 pytestmark = pytest.mark.timeout(1800)
 
-COUNT = 20_000 if os.environ.get("ASMJAX_TEST_HARD") == "1" else 2_000
+COUNT = effort(2_000, 20_000)
 
 FAN = [(float(k), float(k * k % 7), 4.0) for k in range(12)]
 TRIANGLES = [(0, k, k + 1) for k in range(1, 11)]

@@ -3,12 +3,12 @@
 `ASMJAX_TEST_HARD=1` tries ten times as many.
 """
 
-import os
 import random
 import re
 
 import pytest
 import tomli_w
+from helpers.effort import effort
 
 from asmjax import cli
 from asmjax.cli.parse import parse
@@ -18,7 +18,7 @@ from asmjax.shadow.base import ShadowAlgorithm
 from asmjax.shadow.settings import LARGEST_FILE, allowed_names
 from hostile.mutations import mutated
 
-HARD = 10 if os.environ.get("ASMJAX_TEST_HARD") == "1" else 1
+HARD = effort(1, 10)
 COMMAND_LINES, TABLES, TEXTS = 80 * HARD, 500 * HARD, 420 * HARD
 """A thousand in all. A command line takes a hundred times as long as a file."""
 
