@@ -158,6 +158,8 @@ def _plain(value: Any) -> Any:
     """As JSON can hold it: a number that is not finite becomes its name."""
     if isinstance(value, dict):
         return {name: _plain(item) for name, item in value.items()}
+    if isinstance(value, np.ndarray):
+        value = value.tolist()
     if isinstance(value, tuple | list):
         return [_plain(item) for item in value]
     return str(value) if isinstance(value, float) and not math.isfinite(value) else value

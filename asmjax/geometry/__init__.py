@@ -12,6 +12,15 @@
   light's position relative to that origin is formed in float64 on the host.
 """
 
+from asmjax.geometry.area_light import (
+    AreaLight,
+    AreaShape,
+    disk_light,
+    rectangle_light,
+    sphere_light,
+    stratified,
+    sun_light,
+)
 from asmjax.geometry.basis import basis_from_axis, unit
 from asmjax.geometry.camera import Camera, look_at
 from asmjax.geometry.charts import (
@@ -32,11 +41,14 @@ from asmjax.geometry.light_frame import (
 )
 
 __all__ = [
+    "AreaLight",
+    "AreaShape",
     "Camera",
     "Chart",
     "Charts",
     "LightFrame",
     "basis_from_axis",
+    "disk_light",
     "fitted_directional_frame",
     "fitted_point_frame",
     "fixed_frame",
@@ -46,6 +58,10 @@ __all__ = [
     "look_at",
     "padded",
     "plane_to_image",
+    "rectangle_light",
+    "sphere_light",
+    "stratified",
+    "sun_light",
     "towards_light",
     "unit",
 ]

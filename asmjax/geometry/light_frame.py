@@ -6,6 +6,7 @@ import equinox as eqx
 import numpy as np
 
 from asmjax.errors import require
+from asmjax.geometry.area_light import AreaLight
 from asmjax.geometry.basis import basis_from_axis, unit
 
 WIDEST_FACE_DEG = 125.0
@@ -35,6 +36,9 @@ class LightFrame(eqx.Module):
         cos_cutoff: cosine of the cone's half angle; -1 for no cone.
         near: smallest axial depth that a receiver may have, scene units.
         perspective: whether rays start at `origin` (else they are parallel).
+        area: the size of a light that has one: `origin` is then the centre of the surface, or the
+            axis the middle of the sun. None for a light without size, and of no concern to hard
+            shadows.
     """
 
     origin: np.ndarray
@@ -45,6 +49,7 @@ class LightFrame(eqx.Module):
     cos_cutoff: float
     near: float
     perspective: bool = eqx.field(static=True)
+    area: AreaLight | None = None
 
     @property
     def faces(self) -> int:

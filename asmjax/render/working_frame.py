@@ -62,7 +62,8 @@ class WorkingFrame:
         return points / self.scale + np.array(self.centre)[:, None]
 
     def light_frame(self, frame: LightFrame) -> LightFrame:
-        """A light's frame with rays in working coordinates; depths there are `scale` times ours."""
+        """A light's frame with rays in working coordinates, without its area, which no ray needs;
+        depths there are `scale` times ours."""
         if self.is_identity:
             return frame
         # Of perspective faces the plane's coordinates are slopes.
@@ -73,6 +74,7 @@ class WorkingFrame:
             corner=frame.corner * plane,
             extent=frame.extent * plane,
             near=frame.near * self.scale,
+            area=None,
         )
 
     def places_inward(self, places: np.ndarray) -> np.ndarray:

@@ -3,18 +3,24 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
+import equinox as eqx
 import numpy as np
 
 from asmjax.buffers import BLUR, EyeBuffer
 from asmjax.errors import UseError, require
 from asmjax.geometry import (
+    AreaLight,
     LightFrame,
+    basis_from_axis,
+    disk_light,
     fitted_directional_frame,
     fitted_point_frame,
     fixed_frame,
     in_domain,
+    rectangle_light,
+    sphere_light,
 )
-from asmjax.scene.spec import LightSpec
+from asmjax.scene.spec import Disk, LightSpec, Rectangle, Sphere
 
 NEAR_FRACTION = 1e-6
 """Receivers nearer to a light than this fraction of the scene's diagonal are not lit by it."""
@@ -32,7 +38,8 @@ Eyes = EyeBuffer | Sequence[EyeBuffer]
 
 
 def light_frame(light: LightSpec, eye: Eyes, bounds: np.ndarray) -> LightFrame:
-    """The frame of `light`: its fixed field of view, or fitted to the receivers the eye sees.
+    """The frame of `light`: its fixed field of view, or fitted to the receivers the eye sees; of a
+    light with a size also to those that only a part of it shines on.
 
     Args:
         eye: all samples of the pixels where there are several: what lies outside the frame is dark.
@@ -44,8 +51,11 @@ def light_frame(light: LightSpec, eye: Eyes, bounds: np.ndarray) -> LightFrame:
     if _is_fixed(light):
         assert light.fov_deg is not None
         near = _near(bounds)
-        return fixed_frame(light.position, light.direction, light.fov_deg, near, light.cutoff_deg)
-    return _fitted(light, _receivers(light, eye), bounds, _blur(eye))
+        return _with_area(
+            fixed_frame(light.position, light.direction, light.fov_deg, near, light.cutoff_deg),
+            light,
+        )
+    return _with_area(_fitted(light, _receivers(light, eye), bounds, _blur(eye)), light)
 
 
 def kept_light_frame(
@@ -62,6 +72,13 @@ def kept_light_frame(
     """
     if _is_fixed(light):
         return light_frame(light, eye, bounds)
+    return _with_area(_kept(previous, light, eye, bounds), light)
+
+
+def _kept(
+    previous: LightFrame | None, light: LightSpec, eye: Eyes, bounds: np.ndarray
+) -> LightFrame:
+    """As `kept_light_frame`, of any area, for a light without a fixed field of view."""
     receivers, blur = _receivers(light, eye), _blur(eye)
     if previous is None:
         return _grown(_fitted(light, receivers, bounds, blur))
@@ -70,6 +87,24 @@ def kept_light_frame(
         return followed
     held = np.concatenate([receivers, _outline(followed, bounds)], axis=1)
     return _grown(_fitted(light, held, bounds, blur))
+
+
+def _with_area(frame: LightFrame, light: LightSpec) -> LightFrame:
+    """The frame with the area of the light, and itself where it has it already."""
+    if (frame.area is None) == (light.area is None) and eqx.tree_equal(frame.area, light.area):
+        return frame
+    return replace(frame, area=light.area)
+
+
+def area_of(shape: Rectangle | Disk | Sphere) -> AreaLight:
+    """The light that a shape of a scene would be, if it emitted: a rectangle along half_u x half_v,
+    a disk along its normal, a sphere on all sides."""
+    if isinstance(shape, Rectangle):
+        return rectangle_light(shape.centre, shape.half_u, shape.half_v)
+    if isinstance(shape, Disk):
+        e_u, e_v, _ = basis_from_axis(shape.normal)
+        return disk_light(shape.centre, shape.radius * e_u, shape.radius * e_v)
+    return sphere_light(shape.centre, shape.radius)
 
 
 def _is_fixed(light: LightSpec) -> bool:
@@ -107,8 +142,12 @@ def _lit_side(light: LightSpec, eye: EyeBuffer) -> np.ndarray:
         to_light = -np.asarray(light.direction, np.float64)[:, None]
     else:
         to_light = np.asarray(light.position, np.float64)[:, None] - eye.world
-    faces_light = eye.valid & (np.einsum("in,in->n", eye.normal, to_light + 0 * eye.normal) > 0)
-    return eye.world[:, faces_light]
+    height = np.einsum("in,in->n", eye.normal, to_light + 0 * eye.normal)
+    if light.area is not None:
+        # A sun is as large as its direction is long.
+        size = float(np.linalg.norm(to_light)) if light.kind == "directional" else 1.0
+        height = height + size * light.area.extent_along(eye.normal)
+    return eye.world[:, eye.valid & (height > 0)]
 
 
 def _fitted(light: LightSpec, receivers: np.ndarray, bounds: np.ndarray, blur: float) -> LightFrame:

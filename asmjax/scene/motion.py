@@ -1,7 +1,6 @@
 """Lights and objects that move on small circles, which begin and end where they rest."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 
@@ -38,6 +37,8 @@ def moved_light(light: LightSpec, frame: int, diagonal: float, up: Vector) -> Li
         along = np.asarray(light.direction, np.float64)
         along = along / np.linalg.norm(along)
         turned = along + circle(frame, math.tan(math.radians(LIGHT_ANGLE_DEG)), tuple(along))
-        return replace(light, direction=tuple(turned.tolist()))
+        x, y, z = turned.tolist()
+        return light.turned_to((x, y, z))
     offset = circle(frame, LIGHT_RADIUS * diagonal, up)
-    return replace(light, position=tuple((np.asarray(light.position) + offset).tolist()))
+    x, y, z = (np.asarray(light.position) + offset).tolist()
+    return light.moved_to((x, y, z))

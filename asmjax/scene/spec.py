@@ -13,7 +13,7 @@ import numpy as np
 from asmjax.errors import UseError, require, unknown_name
 
 if TYPE_CHECKING:
-    from asmjax.geometry import Camera
+    from asmjax.geometry import AreaLight, Camera
 
 MAX_SIDE = 16_384
 """Largest eye buffer side in pixels."""
@@ -169,11 +169,16 @@ class ViewSpec:
 
 @dataclass(frozen=True)
 class LightSpec:
-    """A light that casts hard shadows.
+    """A light: a point, a spot or a direction, around which it may have a size.
 
     `position` is for point and spot lights, `direction` (along the light's travel) for spot and
     directional ones. `fov_deg` fixes the light's square field of view around `direction`; `None`
     fits the light frame to the visible receivers. `cutoff_deg` is the half angle of a spot.
+
+    `area` is the light's size, which hard shadows leave out: a rectangle, disk or sphere around the
+    position of a point light, or a sun around the direction of a directional one.
+    `intensity` is how bright it is, as luminance: radiant intensity of a point or spot, irradiance
+    across a direction (that of a whole sun too), radiance of a rectangle, disk or sphere.
     """
 
     name: str
@@ -182,6 +187,8 @@ class LightSpec:
     direction: Vector | None = None
     fov_deg: float | None = None
     cutoff_deg: float | None = None
+    area: "AreaLight | None" = None
+    intensity: float = 1.0
 
     def __post_init__(self):
         needs = {
@@ -207,6 +214,49 @@ class LightSpec:
             f"light '{self.name}' is not finite (position {self.position}, direction "
             f"{self.direction}); give finite numbers.",
         )
+        require(
+            0 <= self.intensity < math.inf,
+            f"light '{self.name}' has an intensity of {self.intensity}; allowed: finite and not "
+            "below 0.",
+        )
+        self._check_area()
+
+    def _check_area(self) -> None:
+        area = self.area
+        if area is None:
+            return
+        fits = {"point": ("rectangle", "disk", "sphere"), "spot": (), "directional": ("sun",)}
+        require(
+            area.shape in fits[self.kind],
+            f"light '{self.name}' of kind '{self.kind}' cannot have the size of a {area.shape}; "
+            "allowed: a rectangle, disk or sphere around a point light, a sun around a directional one.",
+        )
+        if self.kind == "point":
+            apart = math.dist(self.position or (), area.centre)
+            least = 1e-9 * (area.radius + math.hypot(*area.centre))
+            require(
+                apart <= least,
+                f"light '{self.name}' is at {self.position}, and the centre of its area at "
+                f"{area.centre.tolist()}; give the same for both.",
+            )
+            return
+        length = math.hypot(*(self.direction or ()))
+        along = sum(x * y for x, y in zip(self.direction or (), area.normal, strict=True))
+        require(
+            along >= (1 - 1e-9) * length,
+            f"light '{self.name}' travels along {self.direction}, and its sun along "
+            f"{area.normal.tolist()}; give the same for both.",
+        )
+
+    def moved_to(self, position: Vector) -> "LightSpec":
+        """The light at another position, with its area."""
+        area = None if self.area is None else self.area.at(position)
+        return replace(self, position=position, area=area)
+
+    def turned_to(self, direction: Vector) -> "LightSpec":
+        """The light with another direction, with its sun."""
+        area = None if self.area is None else self.area.along(direction)
+        return replace(self, direction=direction, area=area)
 
 
 @dataclass(frozen=True)
