@@ -20,9 +20,11 @@ __version__ = "0.1.0"
 if TYPE_CHECKING:
     from asmjax.analyze_job import analyse_scene, run_analysis
     from asmjax.compare_job import compare, run_comparison
+    from asmjax.effects import Plan
     from asmjax.errors import UseError
     from asmjax.main_job import measure_scene, run_main_job
-    from asmjax.options import AnalyzeOptions, CompareOptions, RunOptions, TuneOptions
+    from asmjax.options import AnalyzeOptions, CompareOptions, PlanOptions, RunOptions, TuneOptions
+    from asmjax.plan_job import plan_effects, run_plan
     from asmjax.render.load import Scene, load_scene
     from asmjax.scene import list_scenes
     from asmjax.shadow import (
@@ -52,6 +54,8 @@ _HOME = {
     "LogarithmicShadowMap": "asmjax.shadow",
     "PartitionedShadowMap": "asmjax.shadow",
     "PerspectiveShadowMap": "asmjax.shadow",
+    "Plan": "asmjax.effects",
+    "PlanOptions": "asmjax.options",
     "RunOptions": "asmjax.options",
     "Scene": "asmjax.render.load",
     "ShadowAlgorithm": "asmjax.shadow",
@@ -69,10 +73,12 @@ _HOME = {
     "load_scene": "asmjax.render.load",
     "measure_scene": "asmjax.main_job",
     "measure_walkthrough": "asmjax.walkthrough_job",
+    "plan_effects": "asmjax.plan_job",
     "read_settings": "asmjax.shadow",
     "run_analysis": "asmjax.analyze_job",
     "run_comparison": "asmjax.compare_job",
     "run_main_job": "asmjax.main_job",
+    "run_plan": "asmjax.plan_job",
     "run_tuning": "asmjax.tune_job",
     "run_walkthrough": "asmjax.walkthrough_job",
     "settings_text": "asmjax.shadow",
@@ -88,6 +94,8 @@ __all__ = [
     "LogarithmicShadowMap",
     "PartitionedShadowMap",
     "PerspectiveShadowMap",
+    "Plan",
+    "PlanOptions",
     "RunOptions",
     "Scene",
     "ShadowAlgorithm",
@@ -105,10 +113,12 @@ __all__ = [
     "load_scene",
     "measure_scene",
     "measure_walkthrough",
+    "plan_effects",
     "read_settings",
     "run_analysis",
     "run_comparison",
     "run_main_job",
+    "run_plan",
     "run_tuning",
     "run_walkthrough",
     "settings_text",

@@ -38,6 +38,9 @@ ALIASING = Memory(host=24, device=16)
 FIGURES = Memory(host=260)
 """Of a pixel: the images that are drawn, and drawing them."""
 
+PLANNING = 150 * MEGABYTE * Memory(host=1)
+"""Of a plan: pairs of receivers and blockers, what six faces of a light meet, a figure."""
+
 EVIDENCE = Memory(host=450, device=60)
 """Of a pixel: the nodes on every level that hold it, and how many share them."""
 
@@ -140,6 +143,12 @@ def trial_stages(
     if evidence:
         stages.append(Stage("evidence", held + largest.of(EVIDENCE), largest.options))
     return stages
+
+
+def plan_stages(sight: Sight) -> list[Stage]:
+    """Of `asmjax plan`, which looks at a small image whatever the picture's size."""
+    held = BEGUN + sight.held + PLANNING
+    return [Stage("the probe of a plan", held + sight.of(CASTING + sight.ray, FIGURES))]
 
 
 def _seen(sight: Sight, held: Memory) -> list[Stage]:

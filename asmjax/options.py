@@ -22,6 +22,10 @@ MEMORY_MB = 16.0
 PRICE = 0.1
 """Of a second, where nothing is asked of a tuned map, in pixels of shadow edge."""
 
+TOLERANCE = 5e-4
+"""Part of the picture's light whose change nobody minds. Edges are a small part of a picture: a
+penumbra 10 pixels wide along 52 pixels of edge reaches it at 512 x 512."""
+
 LARGEST = 2**53
 """Of numbers that are counts or amounts: up to here a float holds every whole one."""
 
@@ -35,8 +39,8 @@ def _named(metavar: str, default: str) -> object:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class SceneOptions:
-    """What is looked at, and which light casts the shadow."""
+class ViewOptions:
+    """What is looked at."""
 
     scene: Annotated[str, Positional, arg(metavar="[SCENE]")] = "paper_room"
     """Built-in scene (`asmjax scenes` lists them) or path of a Mitsuba scene file."""
@@ -50,12 +54,17 @@ class SceneOptions:
     sensor: Annotated[str | None, _named("ID", "the first one")] = None
     """Sensor of a scene file: its id, or its index from 0."""
 
-    light: Annotated[str | None, _named("ID", "the first one")] = None
-    """Light that casts the shadow: its name or id, or its index from 0."""
-
     trust_scene: bool = False
     """Load a scene file as it is. Otherwise it is checked first, for it can read other files, run
     code of its own, or crash; docs/scene_files.md says what is refused."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class SceneOptions(ViewOptions):
+    """What is looked at, and which light casts the shadow."""
+
+    light: Annotated[str | None, _named("ID", "the first one")] = None
+    """Light that casts the shadow: its name or id, or its index from 0."""
 
 
 Motion = Literal["camera", "light", "object", "still"]
@@ -241,6 +250,25 @@ class TunedMapOptions:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
+class PlanningOptions:
+    """What is planned for, and what is too small to matter."""
+
+    lights: Annotated[tuple[str, ...], _named("ID ID ...", "all")] = ()
+    """Lights that are planned for: names or ids, or indices from 0."""
+
+    tolerance: Annotated[float, arg(metavar="PART")] = TOLERANCE
+    """Part of the picture's light, mean over its pixels, whose change nobody minds: effects that
+    change less are skipped. 0.0005 is 0.05 %."""
+
+    force: Annotated[tuple[str, ...], _named("KIND KIND ...", "none")] = ()
+    """What is simulated whatever the numbers say: hard, soft, all (soft for lights of any share) or
+    none, for all lights; NAME=KIND for one of them."""
+
+    seed: Annotated[int, arg(metavar="INT")] = 0
+    """Seed of everything random: the directions in which the surroundings are looked at."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
 class MachineOptions:
     """What it runs on."""
 
@@ -414,11 +442,30 @@ class TuneOptions(
         )
 
 
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class PlanOptions(ViewOptions, PlanningOptions, MachineOptions, FolderOptions):
+    """Options of `asmjax plan`.
+
+    Raises:
+        UseError: as `RunOptions`.
+    """
+
+    command: ClassVar[str] = "plan"
+
+    def __post_init__(self):
+        _at_least(0, "--tolerance", self.tolerance, "")
+        _at_least(0, "--seed", self.seed, "")
+        _check_machine(self)
+
+
 MapJobOptions = RunOptions | AnalyzeOptions | CompareOptions
 """Options of the commands that measure maps with settings that are given."""
 
 JobOptions = MapJobOptions | TuneOptions
 """Options of the commands that measure a scene."""
+
+ViewJobOptions = JobOptions | PlanOptions
+"""Options of the commands that look at a scene."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

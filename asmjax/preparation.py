@@ -21,7 +21,7 @@ from asmjax.geometry import LightFrame
 from asmjax.job_memory import Sight
 from asmjax.machine import keeps_freed_memory
 from asmjax.memory import Forecast, Stage, check, limit_of
-from asmjax.options import AnalyzeOptions, JobOptions, MapJobOptions, RunOptions
+from asmjax.options import AnalyzeOptions, JobOptions, MapJobOptions, RunOptions, ViewJobOptions
 from asmjax.render.caster import MitsubaRays
 from asmjax.render.load import Scene, load_scene
 from asmjax.scene.path import aimed_at
@@ -187,7 +187,7 @@ def kept_measurements(folder: Path, fresh: bool) -> Ledger:
     return Ledger(path)
 
 
-def results_folder(options: JobOptions) -> Path:
+def results_folder(options: ViewJobOptions) -> Path:
     """Where the results go. Raises `UseError` where they cannot; makes nothing yet."""
     scene = Path(options.scene)
     # "surface:2.5m" has no suffix to cut off, and a colon does not suit every file system.
@@ -223,7 +223,7 @@ def check_writable(folder: Path) -> None:
         )
 
 
-def chosen_view(scene: Scene, options: JobOptions) -> ViewSpec:
+def chosen_view(scene: Scene, options: ViewJobOptions) -> ViewSpec:
     """The view that the options name, or the first, at the size that they name.
 
     Raises:
@@ -242,7 +242,7 @@ def aimed(scene: Scene, view: ViewSpec) -> ViewSpec:
     return aimed_at(view, float(np.median(eye.depth[eye.valid])))
 
 
-def sized(view: ViewSpec, options: JobOptions) -> ViewSpec:
+def sized(view: ViewSpec, options: ViewJobOptions) -> ViewSpec:
     """`view` at the size that the options name, if they do."""
     return view if options.size is None else view.resized(*options.size)
 

@@ -58,6 +58,13 @@ COMMANDS = {
         "asmjax.tune_job:run_tuning",
         measures=True,
     ),
+    "plan": Command(
+        "Which shadow effects a scene calls for: hard, filtered or soft for each light, what is "
+        "skipped and why, and what is not simulated, with the numbers that decided.",
+        "asmjax.options:PlanOptions",
+        "asmjax.plan_job:run_plan",
+        measures=True,
+    ),
     "scenes": Command(
         "The built-in scenes, with their views and lights.",
         "asmjax.options:ScenesOptions",

@@ -38,6 +38,9 @@ COMPARISON = ("trials.csv", "costs_[0-9]*.png")
 TUNING = ("tuned.toml", "tried.csv", "tried.png", "surrogate.png", "sensitivity.png")
 """What `asmjax tune` writes, beside report.json and the measurements."""
 
+PLAN = ("plan.png",)
+"""What `asmjax plan` writes, beside report.json."""
+
 
 def remove(folder: Path, patterns: tuple[str, ...]) -> None:
     """Delete the files in `folder` of those names: of an earlier run, they would not belong to

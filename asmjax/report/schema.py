@@ -2,9 +2,9 @@
 
 The validator, the documentation test and the CSV header all read these tables. Version 1 of
 `asmjax run` is "asmjax/run/1", of its walkthroughs "asmjax/walkthrough/1", of `asmjax analyze`
-"asmjax/aliasing/1", of `asmjax compare` "asmjax/comparison/1", of `asmjax tune` "asmjax/tuning/1"
-(the keys of these two have files of their own); a change that could break a reader raises the
-number.
+"asmjax/aliasing/1", of `asmjax compare` "asmjax/comparison/1", of `asmjax tune` "asmjax/tuning/1",
+of `asmjax plan` "asmjax/plan/1" (the keys of these three have files of their own); a change that
+could break a reader raises the number.
 """
 
 from collections.abc import Mapping
@@ -12,6 +12,7 @@ from dataclasses import replace
 
 from asmjax.report.compare_schema import COMPARISON_KEYS, COMPARISON_SCHEMA, check_comparison
 from asmjax.report.keys import InvalidReport, Key, check_keys
+from asmjax.report.plan_schema import PLAN_KEYS, PLAN_SCHEMA, check_plan
 from asmjax.report.schema_parts import COST_MODEL, ERROR, HEAD, NOTICES
 from asmjax.report.tune_schema import TUNING_KEYS, TUNING_SCHEMA, check_tuning
 
@@ -249,6 +250,7 @@ SCHEMAS = {
     ALIASING_SCHEMA: ALIASING_KEYS,
     COMPARISON_SCHEMA: COMPARISON_KEYS,
     TUNING_SCHEMA: TUNING_KEYS,
+    PLAN_SCHEMA: PLAN_KEYS,
 }
 """The keys of each kind of report."""
 
@@ -282,6 +284,9 @@ def validate_report(report: object) -> None:
         return
     if schema == TUNING_SCHEMA:
         check_tuning(report)
+        return
+    if schema == PLAN_SCHEMA:
+        check_plan(report["plan"])
         return
     for i, frame in enumerate(report["frames"]):
         if frame["frame"] != i:

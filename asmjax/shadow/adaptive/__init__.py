@@ -4,6 +4,7 @@ from asmjax.shadow.adaptive.asm import AdaptiveShadowMap
 from asmjax.shadow.adaptive.calibration_store import (
     Calibrated,
     calibration_dir,
+    kept_model,
     kept_or_measured,
     on_this_machine,
 )
@@ -20,6 +21,7 @@ __all__ = [
     "calibrate",
     "calibration_dir",
     "fit_cost_model",
+    "kept_model",
     "kept_or_measured",
     "on_this_machine",
     "preset",

@@ -91,7 +91,7 @@ def kept_or_measured(
     written anew. A model that did not converge is used but not kept. Where nothing can be written
     every run measures.
     """
-    known = None if recalibrate else _recall(what)
+    known = None if recalibrate else kept_model(what)
     if known is not None:
         return known
     texels, seconds = time_sizes(rays, frame)
@@ -111,7 +111,7 @@ def kept_or_measured(
     return model
 
 
-def _recall(what: Calibrated) -> CostModel | None:
+def kept_model(what: Calibrated) -> CostModel | None:
     """The kept model, or None where there is none that can be trusted."""
     try:
         text = what.file.read_text(encoding="utf-8")

@@ -1,0 +1,29 @@
+"""Which shadow effects a view of a scene calls for: looked at, decided, and said.
+
+`probe` and `widths` look at the scene with a few thousand rays, `decide` turns numbers into
+decisions, `planning` does both for all lights, and `plan` says what came of it. The formulas are
+in docs/effects.md.
+"""
+
+from asmjax.effects.decide import TOLERANCE, Rates, decide_light
+from asmjax.effects.plan import LightSeen, Plan
+from asmjax.effects.planning import LightAsked, SceneAsked, plan_lights
+from asmjax.effects.probe import probe_size
+from asmjax.effects.records import Decision, LightNumbers, NotSimulated, Outcome, Skipped
+
+__all__ = [
+    "TOLERANCE",
+    "Decision",
+    "LightAsked",
+    "LightNumbers",
+    "LightSeen",
+    "NotSimulated",
+    "Outcome",
+    "Plan",
+    "Rates",
+    "SceneAsked",
+    "Skipped",
+    "decide_light",
+    "plan_lights",
+    "probe_size",
+]

@@ -1,0 +1,390 @@
+"""From the numbers of a light to decisions, each with the number that made it and its threshold.
+
+Nothing is looked at here: the same numbers give the same decisions. docs/effects.md has the rules
+in prose.
+"""
+
+import math
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Literal, get_args
+
+from asmjax.effects.records import (
+    Decision,
+    LightNumbers,
+    NotSimulated,
+    Outcome,
+    Skipped,
+    percent,
+    pixels,
+)
+from asmjax.errors import require, unknown_name
+from asmjax.options import TOLERANCE
+
+Force = Literal["none", "hard", "soft", "all"]
+"""What may be asked for; "all" is soft wherever a light has a size, small or not."""
+
+SUBPIXEL, NARROW, WIDE = 1.0, 4.0, 64.0
+"""Widths of penumbrae in pixels up to which a shadow is hard, a filter does, and one map does."""
+
+LEAST_UMBRA = 0.002
+"""Of the hard shadow's pixels; where fewer stay dark there is no umbra."""
+
+SAMPLE_ERROR = 1 / 32
+"""Largest error of visibility that light samples may leave: 1 / (2 m) for m x m of them."""
+
+VERY_LARGE_SR = 1.0
+"""Steradians: one receiver sees parts of a larger light at such different angles that visibility
+weighted by area is no share of its light."""
+
+MAP_TEXELS = 2**22
+"""Of a flat map of 16 MB, the default memory limit, all faces together."""
+
+PCF_TAPS, BLOCKER_TAPS, FILTER_TAPS = 16, 32, 64
+"""Texels that a pixel reads with a filter, or in search of blockers and then with one."""
+
+HARD, FILTERED, SOFT, WIDEST = (
+    ("adaptive", "uniform"),
+    ("filtered",),
+    ("pcss", "moment", "accumulated"),
+    ("accumulated",),
+)
+"""Families of the registry for each kind of shadow; the first that is there is taken."""
+
+FAMILIES = frozenset((*HARD, *FILTERED, *SOFT))
+
+
+@dataclass(frozen=True)
+class Rates:
+    """What things take, seconds; by default as measured on two cores (docs/effects.md).
+
+    Attributes:
+        texel: of a map, cast.
+        ray: a shadow ray.
+        tap: a texel that a pixel reads.
+        measured: whether `texel` is of this machine and scene.
+    """
+
+    texel: float = 1.2e-8
+    ray: float = 2e-8
+    tap: float = 1e-8
+    measured: bool = False
+
+
+def check_force(force: Mapping[str, str], lights: Collection[str]) -> None:
+    """Raise `UseError` where `force` has a name that is no light ("*" is all of them), or a kind
+    that is none of `Force`."""
+    for name, kind in force.items():
+        if name != "*" and name not in lights:
+            raise unknown_name("light to force", name, lights, "Write NAME=soft, or soft for all.")
+        if kind not in get_args(Force):
+            raise unknown_name("effect to force", kind, get_args(Force))
+
+
+def decide_light(
+    numbers: LightNumbers,
+    tolerance: float = TOLERANCE,
+    force: str | None = None,
+    available: Collection[str] = FAMILIES,
+    rates: Rates | None = None,
+) -> Outcome:
+    """What is done about one light.
+
+    Args:
+        tolerance: part of the light, mean over the picture; what changes less is left out.
+        force: what to do whatever the numbers say, one of `Force`.
+        available: families of the registry.
+
+    Raises:
+        UseError: a tolerance that is not finite or below 0.
+    """
+    require(
+        math.isfinite(tolerance) and tolerance >= 0,
+        f"the tolerance is {tolerance}; allowed: a finite part of the light, 0 or more.",
+    )
+    left_out = _left_out(numbers, tolerance, force)
+    if left_out is not None:
+        return left_out
+    chosen = _Choice(numbers, tolerance, force, available, rates or Rates()).outcome()
+    return Outcome(
+        (*chosen.decisions, *_transmittance(numbers, tolerance)),
+        (*chosen.skipped, *_small(numbers, tolerance)),
+        (*chosen.not_simulated, *_missing(numbers, tolerance)),
+    )
+
+
+def _left_out(numbers: LightNumbers, tolerance: float, force: str | None) -> Outcome | None:
+    """The outcome for a light whose shadow nobody looks for; None where it is needed."""
+    asked_for = force in ("hard", "soft", "all")
+    if force == "none":
+        return _none(numbers, "no shadow, as was asked for", error=numbers.share, forced=True)
+    if numbers.facing == 0:
+        return _none(numbers, "it shines on nothing that the view sees", "pixels that it shines on")
+    if numbers.share < tolerance and not asked_for:
+        return _none(
+            numbers,
+            f"it brings {percent(numbers.share)} of the light, below the tolerance of "
+            f"{percent(tolerance)}: whether it is shaded cannot matter",
+            "share of the light", numbers.share, tolerance, numbers.share,
+        )  # fmt: skip
+    if numbers.lone_convex and not asked_for:
+        return _none(
+            numbers,
+            "one convex object is all there is, and shades itself only where it turns away",
+            "objects", 1, 2,
+        )  # fmt: skip
+    return None
+
+
+def _none(
+    numbers: LightNumbers,
+    reason: str,
+    quantity: str = "",
+    number: float = 0.0,
+    threshold: float = 0.0,
+    error: float = 0.0,
+    forced: bool = False,
+) -> Outcome:
+    decision = Decision(
+        numbers.name, "none", quantity=quantity, number=number, threshold=threshold,
+        reason=reason, error=error, forced=forced,
+    )  # fmt: skip
+    return Outcome((decision,), (Skipped(numbers.name, "shadow", reason, error),))
+
+
+@dataclass(frozen=True)
+class _Choice:
+    """How the shadow of one light is made."""
+
+    numbers: LightNumbers
+    tolerance: float
+    force: str | None
+    available: Collection[str]
+    rates: Rates
+
+    def outcome(self) -> Outcome:
+        numbers, asked = self.numbers, self.force in ("soft", "all")
+        width, error = numbers.width_p95, numbers.soft_error
+        if numbers.shape is None:
+            why = _WITHOUT_SIZE[numbers.kind]
+            hard = self._hard(why, "size of the light, scene units", 0.0, 0.0)
+            hard = replace(hard, forced=self.force is not None)
+            return Outcome((hard,), (Skipped(numbers.name, "penumbra", why),))
+        if self.force == "hard":
+            why = "hard edges, as was asked for"
+            hard = replace(self._by_width(why, SUBPIXEL), forced=True)
+            missed = NotSimulated(numbers.name, "penumbra", why, error)
+            return Outcome((hard,), (), (missed,) if error >= self.tolerance else ())
+        if asked:
+            return self._soft("as was asked for")
+        if width <= SUBPIXEL:
+            why = (
+                f"penumbrae are {pixels(width)} wide or less (95 % of edges), below a pixel"
+                if width > 0
+                else "no penumbra is in view"
+            )
+            return self._without_penumbra(self._by_width(why, SUBPIXEL))
+        if error < self.tolerance:
+            why = (
+                f"penumbrae are up to {pixels(width)} wide, but on {pixels(numbers.edge_px)} of "
+                f"edge only: hard edges change {percent(error)} of the light, below the tolerance"
+            )
+            return self._without_penumbra(
+                self._hard(why, "change by hard edges", error, self.tolerance)
+            )
+        if width <= NARROW:
+            return self._filtered()
+        return self._soft(f"hard edges would change {percent(error)} of the light")
+
+    def _without_penumbra(self, hard: Decision) -> Outcome:
+        error = self.numbers.soft_error
+        return Outcome((hard,), (Skipped(hard.light, "penumbra", hard.reason, error),))
+
+    def _by_width(self, why: str, threshold: float) -> Decision:
+        return self._hard(why, "width of penumbrae, px", self.numbers.width_p95, threshold)
+
+    def _hard(self, why: str, quantity: str, number: float, threshold: float) -> Decision:
+        numbers, base = self.numbers, self._first(HARD)
+        if numbers.shadowed == 0:
+            why += "; the probe saw no shadow, but has too few pixels to be sure"
+        return Decision(
+            **self._common(base),
+            kind="hard",
+            quantity=quantity,
+            number=number,
+            threshold=threshold,
+            reason=why,
+            error=numbers.shade,
+            rays=MAP_TEXELS,
+            seconds=MAP_TEXELS * self.rates.texel + numbers.pixels * self.rates.tap,
+        )
+
+    def _filtered(self) -> Outcome:
+        """A hard map whose answers are filtered over as many pixels as penumbrae are wide."""
+        numbers, rates = self.numbers, self.rates
+        typical, width = numbers.width_p50, numbers.width_p95
+        decision = Decision(
+            **self._common(self._first(HARD), self._first(FILTERED)),
+            kind="hard",
+            settings={"kernel_px": max(typical, SUBPIXEL)},
+            quantity="width of penumbrae, px",
+            number=width,
+            threshold=NARROW,
+            reason=f"penumbrae are {pixels(typical)} wide (5 % of edges above {pixels(width)}): a "
+            "filter of one width is as good as any",
+            error=numbers.soft_error,
+            rays=MAP_TEXELS,
+            seconds=MAP_TEXELS * rates.texel + PCF_TAPS * numbers.pixels * rates.tap,
+        )
+        return self._if_registered(decision, FILTERED)
+
+    def _soft(self, why: str) -> Outcome:
+        """One map with a filter of each pixel's own, or the mean of many maps where penumbrae are
+        too wide for that or leave no umbra."""
+        numbers, width = self.numbers, self.numbers.width_p95
+        seen = (
+            f"penumbrae are {pixels(numbers.width_p50)} wide (5 % of edges above {pixels(width)})"
+        )
+        no_umbra = numbers.umbra < LEAST_UMBRA and (numbers.shadowed or 0) > 0
+        wanted = WIDEST if width > WIDE or no_umbra else SOFT
+        by_width = {"quantity": "width of penumbrae, px", "number": width, "threshold": WIDE}
+        if width > WIDE:
+            how = "too wide for what one map sees from the centre: visibility from all over it"
+        elif no_umbra:
+            by_width = {
+                "quantity": "part of the shadow that stays dark",
+                "number": numbers.umbra,
+                "threshold": LEAST_UMBRA,
+            }
+            how = (
+                "no part of the shadow stays dark, and one map does not tell what is hidden from "
+                "where: visibility from all over the light"
+            )
+        else:
+            how = "one map, filtered as widely as each pixel's own penumbra"
+        method = self._first(wanted)
+        samples = self._sampled() if method == "accumulated" else self._one_map()
+        fallback = () if method else (self._first(HARD),)
+        decision = Decision(
+            **self._common(method, *fallback),
+            kind="soft",
+            **by_width,
+            **samples,
+            reason=f"{seen}, {why}; {how}",
+            error=numbers.soft_error,
+            forced=self.force is not None,
+        )
+        return self._if_registered(decision, wanted)
+
+    def _sampled(self) -> dict[str, Any]:
+        """m x m samples of the light, m as many as a penumbra has pixels: more are not seen."""
+        side = math.ceil(min(max(self.numbers.width_p95, 2.0), 1 / (2 * SAMPLE_ERROR)))
+        rays = side * side * round(self.numbers.facing * self.numbers.pixels)
+        return {
+            "settings": {"samples": side},
+            "samples": side * side,
+            "sample_error": 1 / (2 * side),
+            "rays": rays,
+            "seconds": rays * self.rates.ray,
+        }
+
+    def _one_map(self) -> dict[str, Any]:
+        taps = BLOCKER_TAPS + FILTER_TAPS
+        return {
+            "settings": {
+                "widest_px": self.numbers.width_p95,
+                "blocker_taps": BLOCKER_TAPS,
+                "filter_taps": FILTER_TAPS,
+            },
+            "rays": MAP_TEXELS,
+            "seconds": MAP_TEXELS * self.rates.texel + taps * self.numbers.pixels * self.rates.tap,
+        }
+
+    def _if_registered(self, decision: Decision, wanted: tuple[str, ...]) -> Outcome:
+        if self._first(wanted) is not None:
+            return Outcome((decision,))
+        why = f"no method for it is registered ({' or '.join(wanted)}); its edges are hard"
+        missing = NotSimulated(decision.light, "penumbra", why, decision.error)
+        return Outcome((replace(decision, simulated=False),), (), (missing,))
+
+    def _common(self, *methods: str | None) -> dict[str, Any]:
+        """What all decisions with a map say."""
+        numbers = self.numbers
+        if numbers.fov_deg is None:
+            geometry = "parallel"
+        elif numbers.faces == 1:
+            geometry = f"one face of {numbers.fov_deg:.0f} degrees"
+        else:
+            geometry = f"{numbers.faces} of 6 cube faces"
+        return {
+            "light": numbers.name,
+            "geometry": geometry,
+            "faces": numbers.faces,
+            "fov_deg": numbers.fov_deg,
+            "methods": tuple(method for method in methods if method is not None),
+            "width_p50": numbers.width_p50,
+            "width_p95": numbers.width_p95,
+        }
+
+    def _first(self, wanted: tuple[str, ...]) -> str | None:
+        return next((family for family in wanted if family in self.available), None)
+
+
+_WITHOUT_SIZE = {
+    "point": "a point has no penumbra",
+    "spot": "a spot starts at a point: the soft rim of its cone is no penumbra",
+    "directional": "parallel light has no penumbra",
+}
+
+
+def _transmittance(numbers: LightNumbers, tolerance: float) -> tuple[Decision, ...]:
+    """The decision about light that passes through things, where that matters."""
+    if numbers.transmitted == 0 or numbers.transmitted < tolerance:
+        return ()
+    decision = Decision(
+        numbers.name, "transmittance", quantity="light that passes through casters",
+        number=numbers.transmitted, threshold=tolerance, error=numbers.transmitted,
+        reason=f"{percent(numbers.transmitted)} of the light passes through transmissive surfaces "
+        "or media, which maps and shadow rays hold for opaque",
+        simulated=False,
+    )  # fmt: skip
+    return (decision,)
+
+
+def _missing(numbers: LightNumbers, tolerance: float) -> list[NotSimulated]:
+    """What no method has."""
+    missing = []
+    for effect, error, why in (
+        ("transmittance", numbers.transmitted, "no method lets light through: shadows too dark"),
+        ("refraction", numbers.refracted, "refractive casters are opaque: no caustics (at most)"),
+    ):
+        if error > 0 and error >= tolerance:
+            missing.append(NotSimulated(numbers.name, effect, why, error))
+    if numbers.solid_angle > VERY_LARGE_SR:
+        why = (
+            f"{numbers.solid_angle:.2g} steradians of light: visibility is that of its area, not "
+            "of what each part of it brings"
+        )
+        # A3: both agree where a penumbra begins and ends, and differ by the cosines between.
+        error = numbers.soft_error * min(1.0, numbers.solid_angle / (2 * math.pi))
+        missing.append(NotSimulated(numbers.name, "very large light", why, error))
+    return missing
+
+
+def _small(numbers: LightNumbers, tolerance: float) -> list[Skipped]:
+    """What else is left out of a light that gets a shadow."""
+    skipped = []
+    if numbers.fov_deg is not None and 1 < numbers.faces < 6:
+        why = f"{6 - numbers.faces} of 6 see no receiver"
+        skipped.append(Skipped(numbers.name, "cube faces", why))
+    if numbers.facing < 1:
+        why = f"{percent(1 - numbers.facing)} of the pixels face away: dark without a look-up"
+        skipped.append(Skipped(numbers.name, "pixels turned away", why))
+    for effect, error in (
+        ("transmittance", numbers.transmitted),
+        ("refraction", numbers.refracted),
+    ):
+        if 0 < error < tolerance:
+            why = f"it is {percent(error)} of the light, below the tolerance"
+            skipped.append(Skipped(numbers.name, effect, why, error))
+    return skipped

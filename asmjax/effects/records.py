@@ -1,0 +1,163 @@
+"""What is known of a light, and what is decided about it: plain numbers and words."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+Kind = Literal["none", "hard", "soft", "transmittance"]
+
+
+@dataclass(frozen=True)
+class LightNumbers:
+    """What a probe saw of one light. Parts "of the light" are of what all lights bring to a pixel
+    where nothing shades them, mean over the pixels of the picture.
+
+    Attributes:
+        name: of the light.
+        kind: "point", "spot" or "directional".
+        shape: of its area, "rectangle", "disk", "sphere" or "sun"; None for a light without size.
+        share: part of the light that comes from here.
+        facing: part of the pixels that it shines on.
+        faces: of its map.
+        fov_deg: of the widest face, degrees; None for parallel light.
+        pixels: of the picture that see a surface.
+        shadowed: part of the pixels that it shines on that are in its hard shadow; None where
+            nobody looked.
+        edge_px: length of the hard shadow's edges, pixels.
+        contrast: part of the light that comes from here, mean beside those edges.
+        width_p50, width_p95, width_mean: of penumbrae across those edges, pixels.
+        umbra: part of the hard shadow's pixels that stay dark.
+        solid_angle: steradians, median over what it shines on.
+        transmitted: part of the light that comes from here through transmissive surfaces and media.
+        refracted: part of the light that refractive surfaces keep from where it would go.
+        lone_convex: whether one convex object is all there is.
+        rays: that the probe cast for this light.
+    """
+
+    name: str
+    kind: str
+    shape: str | None = None
+    share: float = 1.0
+    facing: float = 1.0
+    faces: int = 1
+    fov_deg: float | None = None
+    pixels: int = 512 * 512
+    shadowed: float | None = None
+    edge_px: float = 0.0
+    contrast: float = 1.0
+    width_p50: float = 0.0
+    width_p95: float = 0.0
+    width_mean: float = 0.0
+    umbra: float = 1.0
+    solid_angle: float = 0.0
+    transmitted: float = 0.0
+    refracted: float = 0.0
+    lone_convex: bool = False
+    rays: int = 0
+
+    @property
+    def soft_error(self) -> float:
+        """What hard edges in place of penumbrae would change, part of the light.
+
+        A hard edge is off by 1/4 within a linear penumbra, mean: edges x width / (4 pixels).
+        """
+        return self.contrast * self.edge_px * self.width_mean / (4 * max(self.pixels, 1))
+
+    @property
+    def shade(self) -> float:
+        """What its hard shadow takes away, part of the light."""
+        return self.share * (self.shadowed or 0.0)
+
+
+@dataclass(frozen=True)
+class Decision:
+    """What is done about one effect of one light.
+
+    Attributes:
+        light: its name.
+        kind: "none", "hard", "soft" or "transmittance".
+        geometry: of the map, in words.
+        faces: of the map, 0 where there is none.
+        fov_deg: of its widest face, degrees; None for parallel light or no map.
+        methods: families of the registry: the map, and what filters it.
+        settings: of the methods: widths in pixels, numbers of samples.
+        samples: of the light, K; 1 is its centre.
+        sample_error: largest error of visibility that so many leave; 0 for other methods.
+        quantity, number, threshold: what decided, in words, its value, and where the decision
+            would become another.
+        reason: in words.
+        width_p50, width_p95: of penumbrae, pixels.
+        error: what ignoring the effect would change, part of the light, mean over the picture.
+        rays: that the methods cast, estimated.
+        seconds: that they take, estimated.
+        forced: whether somebody asked for it.
+        simulated: whether there is a method for it.
+    """
+
+    light: str
+    kind: Kind
+    geometry: str = "no map"
+    faces: int = 0
+    fov_deg: float | None = None
+    methods: tuple[str, ...] = ()
+    settings: Mapping[str, float] = field(default_factory=dict)
+    samples: int = 1
+    sample_error: float = 0.0
+    quantity: str = ""
+    number: float = 0.0
+    threshold: float = 0.0
+    reason: str = ""
+    width_p50: float = 0.0
+    width_p95: float = 0.0
+    error: float = 0.0
+    rays: int = 0
+    seconds: float = 0.0
+    forced: bool = False
+    simulated: bool = True
+
+
+@dataclass(frozen=True)
+class Skipped:
+    """An effect that is left out as it is not there or too small.
+
+    Attributes:
+        light: None for all of them.
+        effect: in a word or two.
+        reason: in words.
+        error: what that changes, part of the light, mean over the picture.
+    """
+
+    light: str | None
+    effect: str
+    reason: str
+    error: float = 0.0
+
+
+@dataclass(frozen=True)
+class NotSimulated:
+    """An effect that the scene calls for and that is not simulated; attributes as `Skipped`."""
+
+    light: str | None
+    effect: str
+    reason: str
+    error: float = 0.0
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """All about one light."""
+
+    decisions: tuple[Decision, ...]
+    skipped: tuple[Skipped, ...] = ()
+    not_simulated: tuple[NotSimulated, ...] = ()
+
+
+def percent(part: float) -> str:
+    """0.25 as "25 %", with three digits."""
+    value = 100 * part
+    return f"{value:.3g} %" if value >= 0.001 or value == 0 else "less than 0.001 %"
+
+
+def pixels(width: float) -> str:
+    """3.25 as "3.2 px", 1234 as "1,234 px"."""
+    return f"{width:.2g} px" if width < 10 else f"{width:,.0f} px"

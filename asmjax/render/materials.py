@@ -1,0 +1,119 @@
+"""What of a Mitsuba scene lets light through, and which of its emitters surround it."""
+
+import numpy as np
+
+from asmjax.render.area_emitters import LUMINANCE
+from asmjax.render.caster import MitsubaRays
+from asmjax.render.load import Scene
+from asmjax.scene.materials import Materials, Surroundings
+
+PLACES = 8
+"""Places along each side of a texture at which its opacity is looked at."""
+
+DIRECTIONS = 256
+"""Directions in which the radiance of surroundings is looked at."""
+
+SAME = 1e-3
+"""Opacities that differ by less are one."""
+
+
+def materials_of(scene: Scene) -> Materials:
+    """The materials of a scene's shapes; of an instance, what any part of its group lets through.
+
+    A surface passes light straight on as its `eval_null_transmission` says, at right angles and in
+    the middle of its texture's cells: masks, null surfaces, thin dielectrics, blends of those.
+    """
+    mi, instancing = scene._mi, scene._instancing
+    # Kept, as ids of Python objects are told apart while these are there only.
+    known: dict[int, tuple] = {}
+    rows = []
+    for shape, group in zip(scene._scene.shapes(), instancing.group.tolist(), strict=True):
+        parts = [shape] if group < 0 else instancing.parts[group]
+        found = [(*_of_surface(mi, part.bsdf(), known), _inside(mi, part)) for part in parts]
+        rows.append([max(values) for values in zip(*found, strict=True)])
+    straight, textured, refracts, extinction = np.array(rows, np.float64).T
+    return Materials(straight, textured > 0, refracts > 0, extinction)
+
+
+def _of_surface(mi, bsdf, known: dict[int, tuple]) -> tuple[float, bool, bool]:
+    """What passes straight on, whether that differs from place to place, whether light turns."""
+    if bsdf is None:
+        return 0.0, False, False
+    if id(bsdf) not in known:
+        flags, bits = mi.BSDFFlags, bsdf.flags()
+        turns = flags.DeltaTransmission | flags.GlossyTransmission
+        if mi.has_flag(bits, flags.Null):
+            values = _straight(mi, bsdf)
+            answer = float(values.mean()), bool(np.ptp(values) > SAME), False
+        else:
+            answer = 0.0, False, bool(bits & int(turns))
+        known[id(bsdf)] = bsdf, answer
+    return known[id(bsdf)][1]
+
+
+def _straight(mi, bsdf) -> np.ndarray:
+    """Part of the light (PLACES^2,) that passes at right angles, over the unit square of uv."""
+    at = (np.arange(PLACES) + 0.5) / PLACES
+    uv = np.stack([np.tile(at, PLACES), np.repeat(at, PLACES)])
+    if mi.variant().startswith("scalar"):
+        return np.concatenate([_luminance(_passed(mi, bsdf, pair)) for pair in uv.T.tolist()])
+    # A constant comes back once.
+    return np.broadcast_to(_luminance(_passed(mi, bsdf, uv.astype(np.float32))), uv[0].shape)
+
+
+def _passed(mi, bsdf, uv):
+    import drjit as dr
+
+    hit = dr.zeros(mi.SurfaceInteraction3f)
+    hit.uv, hit.wi = mi.Point2f(*uv), mi.Vector3f(0, 0, 1)
+    return bsdf.eval_null_transmission(hit)
+
+
+def _inside(mi, shape) -> float:
+    """The largest extinction of the medium inside a shape, per scene unit."""
+    import drjit as dr
+
+    medium = shape.interior_medium() if shape.is_medium_transition() else None
+    if medium is None:
+        return 0.0
+    return float(_luminance(medium.get_majorant(dr.zeros(mi.MediumInteraction3f))).max())
+
+
+def surroundings_of(scene: Scene) -> tuple[Surroundings, ...]:
+    """The emitters all around a scene, with their mean radiance."""
+    return tuple(
+        Surroundings(emitter.id(), _mean_radiance(scene._mi, emitter))
+        for emitter in scene._scene.emitters()
+        if emitter.is_environment()
+    )
+
+
+def rays_to_surroundings(scene: Scene) -> MitsubaRays:
+    """What casts rays against all shapes, lamps too."""
+    return scene._rays
+
+
+def _mean_radiance(mi, emitter) -> float:
+    """Over directions on a spiral that is even on the sphere."""
+    step = np.arange(DIRECTIONS) + 0.5
+    z, angle = 1 - 2 * step / DIRECTIONS, step * np.pi * (3 - np.sqrt(5))
+    across = np.sqrt(1 - z * z)
+    directions = np.stack([across * np.cos(angle), across * np.sin(angle), z])
+    if mi.variant().startswith("scalar"):
+        seen = [_luminance(_towards(mi, emitter, one)) for one in directions.T.tolist()]
+        return float(np.mean(seen))
+    return float(_luminance(_towards(mi, emitter, directions.astype(np.float32))).mean())
+
+
+def _towards(mi, emitter, direction):
+    import drjit as dr
+
+    hit = dr.zeros(mi.SurfaceInteraction3f)
+    hit.wi = -mi.Vector3f(*direction)
+    return emitter.eval(hit)
+
+
+def _luminance(colour) -> np.ndarray:
+    """(k,) float64 of a colour of the renderer."""
+    parts = [np.array(part, np.float64).ravel() for part in colour]
+    return np.sum([w * part for w, part in zip(LUMINANCE, parts, strict=True)], axis=0)

@@ -1,0 +1,113 @@
+"""From a plan to its files: report.json and a figure."""
+
+import sys
+from pathlib import Path
+
+import jax
+import numpy as np
+
+from asmjax.effects import Decision, LightSeen, Plan
+from asmjax.effects.records import percent
+from asmjax.report.figures.board import save
+from asmjax.report.figures.plan import LightPanel, draw_plan
+from asmjax.report.figures.shading import shade
+from asmjax.report.outputs import (
+    ANALYSIS,
+    COMPARISON,
+    PLAN,
+    SINGLE_RUN,
+    TUNING,
+    WALKTHROUGH,
+    remove,
+)
+from asmjax.report.plan_result import PlanResult
+from asmjax.report.plan_schema import PLAN_SCHEMA
+from asmjax.report.provenance import provenance
+from asmjax.report.record import report_of_entries, write_json
+
+
+def write_plan(result: PlanResult, folder: Path, *, seed: int) -> dict:
+    """Write report.json and plan.png; returns the report.
+
+    The numbers come first: a figure that fails cannot lose them.
+    """
+    report = report_of_plan(result, seed)
+    write_json(folder / "report.json", report)
+    remove(folder, (*SINGLE_RUN, *WALKTHROUGH, *ANALYSIS, *COMPARISON, *TUNING, *PLAN))
+    save(draw_plan(panels(result), _title(result.plan), footnotes(result.plan)), folder / PLAN[0])
+    return report
+
+
+def report_of_plan(result: PlanResult, seed: int) -> dict:
+    """The validated `report.json` of a plan that was made with that seed."""
+    plan = result.plan
+    return report_of_entries(
+        schema=PLAN_SCHEMA,
+        argv=["asmjax", *sys.argv[1:]],
+        provenance=provenance(result.variant, jax.devices()[0].device_kind),
+        seed=seed,
+        memory=result.memory,
+        scene=plan.scene,
+        view=plan.view.name,
+        light=", ".join(numbers.name for numbers in plan.numbers),
+        size=(plan.view.width, plan.view.height),
+        plan=plan.record(),
+        notices=result.notices,
+    )
+
+
+def panels(result: PlanResult) -> list[LightPanel]:
+    """A panel for each light, in the plan's order."""
+    plan, eye = result.plan, result.eye
+    albedo, valid = eye.albedo.reshape(3, *eye.size), eye.valid.reshape(eye.size)
+    drawn = []
+    if not plan.numbers:
+        whole = shade(albedo, np.ones(eye.size), valid, valid)
+        drawn.append(LightPanel("no light", "none that casts shadows", whole, None, ""))
+    for numbers, seen in zip(plan.numbers, plan.seen, strict=True):
+        decision = plan.decision(numbers.name)
+        lit = seen.facing if seen.lit is None else seen.lit
+        drawn.append(
+            LightPanel(
+                title=_heading(decision),
+                small=_small(plan, seen, decision),
+                picture=shade(albedo, seen.cosine, lit, valid),
+                widest=seen.widest,
+                reason=f"{decision.reason}.",
+            )
+        )
+    return drawn
+
+
+def footnotes(plan: Plan) -> list[str]:
+    """What is skipped and what is not simulated, for small print."""
+    notes = []
+    for title, items in (("Skipped", plan.skipped), ("Not simulated", plan.not_simulated)):
+        named = [
+            f"{item.effect}{f' of {item.light}' if item.light else ''} ({item.reason}"
+            f"{f'; {percent(item.error)} of the light' if item.error else ''})"
+            for item in items
+        ]
+        notes.append(f"{title}: {'; '.join(named) or 'nothing'}.")
+    return notes
+
+
+def _heading(decision: Decision) -> str:
+    methods = " + ".join(decision.methods)
+    return f"{decision.light}: {decision.kind}{f', {methods}' if methods else ''}"
+
+
+def _small(plan: Plan, seen: LightSeen, decision: Decision) -> str:
+    if seen.lit is None:
+        return "nobody looked for its shadow"
+    if seen.widest is None:
+        return "its hard shadow, as the probe sees it"
+    wide = f"{decision.width_p50:.3g} px, 95 % below {decision.width_p95:.3g}"
+    return f"hard shadow of its centre; penumbrae {wide}"
+
+
+def _title(plan: Plan) -> str:
+    return (
+        f"{plan.scene}, {plan.view.name}, {plan.view.width} x {plan.view.height} pixels; what "
+        f"changes less than {percent(plan.tolerance)} of the light is skipped"
+    )
