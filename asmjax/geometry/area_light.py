@@ -186,7 +186,7 @@ def sun_light(direction, angle: float) -> AreaLight:
     """Light that travels along `direction` (world, any length) and those around it, from a disk of
     the angular diameter `angle`, radians."""
     require(
-        0 < angle <= np.radians(WIDEST_SUN_DEG),
+        bool(0 < angle <= np.radians(WIDEST_SUN_DEG)),
         f"a sun of {np.degrees(angle):g} degrees across is not possible; allowed: more than 0 and "
         f"at most {WIDEST_SUN_DEG:g}.",
     )

@@ -5,8 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from asmjax.render.area_emitters import area_of_shape, luminance
 from asmjax.render.geometry import box_of
 from asmjax.render.sensors import plugin_names
+from asmjax.render.sun import read_sun
 from asmjax.render.working_frame import WorkingFrame
 from asmjax.scene.spec import LightSpec
 
@@ -25,7 +27,7 @@ class SceneLight:
 def read_emitters(
     mi, scene, notices: list[str], said: Mapping[str, dict], working: WorkingFrame
 ) -> dict[str, SceneLight]:
-    """The lights that cast hard shadows, by id, in scene order; the others go to `notices`.
+    """The lights that cast shadows, by id, in scene order; what is left out goes to `notices`.
 
     Args:
         said: what the scene says of each plugin, by id (`ParsedScene.properties`).
@@ -42,7 +44,9 @@ def read_emitters(
             said_at = words.get("to_world", np.zeros((4, 4)))[:3, 3]
             at = said_at if "to_world" in words else words.get("position", params["position"])
             position = _vector(at)
-            lights[name] = SceneLight(LightSpec(name, "point", position=position))
+            bright = luminance(params, "intensity")
+            light = LightSpec(name, "point", position=position, intensity=bright)
+            lights[name] = SceneLight(light)
         elif kind == "SpotLight":
             matrix = _matrix(params, words)
             lights[name] = SceneLight(
@@ -52,22 +56,42 @@ def read_emitters(
                     position=_vector(matrix[:3, 3]),
                     direction=_vector(matrix[:3, 2]),
                     cutoff_deg=float(np.array(params["cutoff_angle"]).ravel()[0]),
+                    intensity=luminance(params, "intensity"),
                 )
             )
         elif kind == "DirectionalEmitter":
             direction = _vector(_matrix(params, words)[:3, 2])
-            lights[name] = SceneLight(LightSpec(name, "directional", direction=direction))
+            bright = luminance(params, "irradiance")
+            light = LightSpec(name, "directional", direction=direction, intensity=bright)
+            lights[name] = SceneLight(light)
         elif kind == "AreaLight":
             shape = emitter.get_shape()
-            centre = box_of(shape.bbox(), working).mean(axis=1)
+            centre = _vector(box_of(shape.bbox(), working).mean(axis=1))
+            area = area_of_shape(mi, shape, working)
+            at = f"the point at its centre ({', '.join(f'{x:g}' for x in centre)})"
             notices.append(
-                f"light '{name}' is an area emitter; represented by a point at its centre "
-                f"({', '.join(f'{x:g}' for x in centre)}), which casts hard shadows"
+                f"light '{name}' is an area emitter; hard methods take {at}"
+                if area is not None
+                else f"light '{name}' is an area emitter on a shape that is no rectangle, disk or "
+                f"sphere ({shape.class_name()}); represented by {at}, which casts hard shadows"
+            )
+            light = LightSpec(
+                name,
+                "point",
+                position=centre,
+                area=None if area is None else area.at(centre),
+                intensity=luminance(params, "radiance"),
             )
             lights[name] = SceneLight(
-                LightSpec(name, "point", position=_vector(centre)),
+                light,
                 shape=next(i for i, s in enumerate(shapes) if s == shape),
             )
+        elif kind == "SunskyEmitter" and (sun := read_sun(mi, name, emitter, words)):
+            notices.append(
+                f"light '{name}' is a sun and a sky; the sky ({kind}) casts no hard shadow and is "
+                "left out"
+            )
+            lights[name] = SceneLight(sun)
         else:
             notices.append(f"light '{name}' ({kind}) casts no hard shadow; left out")
     return lights

@@ -18,6 +18,7 @@ from asmjax.render.geometry import SceneGeometry, box_of, read_geometry
 from asmjax.render.instances import Instancing, find_instances, known_instances
 from asmjax.render.parsed import ParsedScene
 from asmjax.render.sensors import plugin_names, read_sensors
+from asmjax.render.soft_truth import SoftShadowRays
 from asmjax.render.spec_shapes import mitsuba_shape, spec_bounds
 from asmjax.render.truth import ShadowRays
 from asmjax.render.untrusted import admit
@@ -25,6 +26,7 @@ from asmjax.render.variant import activate
 from asmjax.render.working_frame import WORLD, WorkingFrame, working_frame
 from asmjax.scene.builtin import BUILTIN, is_builtin, load_builtin
 from asmjax.scene.lights import Eyes, kept_light_frame, light_frame
+from asmjax.scene.soft_visibility import REPEATS, STRATA
 from asmjax.scene.spec import LightSpec, SceneSpec, ViewSpec, pick
 
 _log = logging.getLogger("asmjax")
@@ -126,6 +128,19 @@ class Scene:
     def shadow_rays(self, eye: EyeBuffer, frame: LightFrame, rays: MitsubaRays) -> ShadowRays:
         """One shadow ray per eye pixel: truth, and the yardstick of time."""
         return ShadowRays(self.geometry, eye, frame, rays)
+
+    def soft_rays(
+        self,
+        eye: EyeBuffer,
+        frame: LightFrame,
+        rays: MitsubaRays,
+        strata: int = STRATA,
+        repeats: int = REPEATS,
+        seed: int = 0,
+    ) -> SoftShadowRays:
+        """`repeats` shadow rays per eye pixel to each of `strata` x `strata` cells of the light:
+        soft truth, with its own error. Raises `UseError` for a light without a size."""
+        return SoftShadowRays(self.geometry, eye, frame, rays, strata, repeats, seed)
 
 
 def load_scene(

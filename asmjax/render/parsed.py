@@ -146,7 +146,7 @@ def _plain(props) -> dict:
             found[name] = np.array(value.matrix, np.float64).reshape(4, 4)
         elif isinstance(value, bool | int | float | str):
             found[name] = value
-        elif name in ("position", "direction"):
+        elif name in ("position", "direction", "sun_direction"):
             found[name] = np.array(value, np.float64).ravel()
     return found
 

@@ -7,10 +7,11 @@ shadow map should converge to; `soft_visibility` is what the whole light gives, 
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from asmjax.errors import require
 from asmjax.scene.closed_forms import (
     Ellipse,
     coaxial_sphere_radii,
@@ -49,13 +50,28 @@ class AnalyticScene:
 
     `hard_visibility` is 1 or 0 towards the scene's first light; `edge_distance` is the distance in
     scene units to the nearest edge of that shadow (edges hidden in another shadow count too).
-    `soft_visibility` is the area light's, or `None` where there is no closed form.
+    `soft_visibility` is the area light's, or `None` where there is no closed form; `emitter` is the
+    area light itself, whose front is towards the receiver, or `None` where there is none.
     """
 
     spec: SceneSpec
     hard_visibility: PlaneFunction
     edge_distance: PlaneFunction
     soft_visibility: PlaneFunction | None = None
+    emitter: Rectangle | Disk | Sphere | None = None
+
+    def soft_light(self) -> LightSpec:
+        """The first light with the size of the emitter. Raises `UseError` where there is none."""
+        # Here, so that listing scenes does not load JAX.
+        from asmjax.scene.lights import area_of
+
+        require(
+            self.emitter is not None,
+            f"scene '{self.spec.name}' has no area light; take one of A2 to A5 or A7.",
+        )
+        assert self.emitter is not None
+        first = next(iter(self.spec.lights.values()))
+        return replace(first, area=area_of(self.emitter))
 
 
 def a1_square(
@@ -78,7 +94,7 @@ def a2_square_light(
         return square_area_visibility(x, y, half, light_half, light_height, occluder_height)
 
     return _square_scene("a2_square_light", "square below the centre of a square light", half,
-                         light_height, occluder_height, soft)  # fmt: skip
+                         light_height, occluder_height, soft, light_half)  # fmt: skip
 
 
 def a3_lambert(
@@ -93,7 +109,7 @@ def a3_lambert(
         return square_irradiance_ratio(x, y, half, light_half, light_height, occluder_height)
 
     return _square_scene("a3_lambert", "square below a square light, as irradiance", half,
-                         light_height, occluder_height, soft)  # fmt: skip
+                         light_height, occluder_height, soft, light_half)  # fmt: skip
 
 
 def a4_disc_light(
@@ -112,6 +128,7 @@ def a4_disc_light(
         _eye((0.8, -1.0, 12.0), (0.0, 0.0, 0.0), 25.0),
         Ellipse((0.0, 0.0), edge, edge),
         lambda x, y: disc_visibility(x, y, half, light_half, light_height, occluder_height),
+        _disc_light(light_half, light_height),
     )
 
 
@@ -131,6 +148,7 @@ def a5_half_plane(
         lambda x, y: _lit(x > 0.0, y),
         lambda x, y: np.abs(x) + 0.0 * y,
         lambda x, y: half_plane_disc_visibility(x * scale / light_half) + 0.0 * y,
+        _disc_light(light_half, light_height),
     )
 
 
@@ -177,6 +195,7 @@ def a7_sphere_light(
         _eye((0.0, -8.0, 5.0), (0.0, 0.0, 0.0), 32.0),
         Ellipse((0.0, 0.0), edge, edge),
         None,
+        Sphere("emitter", (0.0, 0.0, drop + distance), light_radius),
     )
 
 
@@ -305,17 +324,22 @@ def _spec(
     return SceneSpec(name, summary, (receiver, *occluders), {view.name: view}, {light.name: light})
 
 
-def _scene(name, summary, occluders, light, view, shadow: Ellipse, soft) -> AnalyticScene:
+def _scene(
+    name, summary, occluders, light, view, shadow: Ellipse, soft, emitter=None
+) -> AnalyticScene:
     """A scene whose hard shadow is one ellipse."""
     return AnalyticScene(
         _spec(name, summary, occluders, light, view),
         lambda x, y: _lit(~shadow.contains(x, y), y),
         shadow.distance,
         soft,
+        emitter,
     )
 
 
-def _square_scene(name, summary, half, light_height, occluder_height, soft) -> AnalyticScene:
+def _square_scene(
+    name, summary, half, light_height, occluder_height, soft, light_half=None
+) -> AnalyticScene:
     """A1 to A3: one square occluder straight below the light."""
     edge = square_shadow_half(half, light_height, occluder_height)
     return AnalyticScene(
@@ -329,7 +353,17 @@ def _square_scene(name, summary, half, light_height, occluder_height, soft) -> A
         lambda x, y: _lit((np.abs(x) > edge) | (np.abs(y) > edge), y),
         lambda x, y: rectangle_distance(x, y, -edge, edge, -edge, edge),
         soft,
+        None if light_half is None else _square_light(light_half, light_height),
     )
+
+
+def _square_light(half: float, height: float) -> Rectangle:
+    """It emits downwards."""
+    return Rectangle("emitter", (0.0, 0.0, height), (half, 0.0, 0.0), (0.0, -half, 0.0))
+
+
+def _disc_light(radius: float, height: float) -> Disk:
+    return Disk("emitter", (0.0, 0.0, height), (0.0, 0.0, -1.0), radius)
 
 
 def _sphere_scene(name: str, summary: str, light: LightSpec, shadow: Ellipse) -> AnalyticScene:

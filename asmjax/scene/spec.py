@@ -215,7 +215,7 @@ class LightSpec:
             f"{self.direction}); give finite numbers.",
         )
         require(
-            0 <= self.intensity < math.inf,
+            bool(0 <= self.intensity < math.inf),
             f"light '{self.name}' has an intensity of {self.intensity}; allowed: finite and not "
             "below 0.",
         )
@@ -229,13 +229,14 @@ class LightSpec:
         require(
             area.shape in fits[self.kind],
             f"light '{self.name}' of kind '{self.kind}' cannot have the size of a {area.shape}; "
-            "allowed: a rectangle, disk or sphere around a point light, a sun around a directional one.",
+            "allowed: a rectangle, disk or sphere around a point light, a sun around a directional "
+            "one.",
         )
         if self.kind == "point":
             apart = math.dist(self.position or (), area.centre)
             least = 1e-9 * (area.radius + math.hypot(*area.centre))
             require(
-                apart <= least,
+                bool(apart <= least),
                 f"light '{self.name}' is at {self.position}, and the centre of its area at "
                 f"{area.centre.tolist()}; give the same for both.",
             )
@@ -243,7 +244,7 @@ class LightSpec:
         length = math.hypot(*(self.direction or ()))
         along = sum(x * y for x, y in zip(self.direction or (), area.normal, strict=True))
         require(
-            along >= (1 - 1e-9) * length,
+            bool(along >= (1 - 1e-9) * length),
             f"light '{self.name}' travels along {self.direction}, and its sun along "
             f"{area.normal.tolist()}; give the same for both.",
         )

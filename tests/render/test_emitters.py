@@ -65,7 +65,7 @@ def test_spot_lights_the_inside_of_its_cone_only():
     [
         ({"type": "constant"}, "ConstantBackgroundEmitter"),
         ({"type": "envmap"}, "EnvironmentMapEmitter"),
-        ({"type": "sunsky"}, "SunskyEmitter"),
+        ({"type": "sunsky", "sun_scale": 0.0}, "SunskyEmitter"),
         ({"type": "projector"}, "Projector"),
     ],
     ids=lambda value: value if isinstance(value, str) else "",
