@@ -1,0 +1,92 @@
+"""Analytic scenes under lights that have a size, and their visibility in truth."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from asmjax.geometry import AreaLight, rectangle_light
+from asmjax.scene.analytic_rays import AnalyticRays, analytic_eye, scene_bounds
+from asmjax.scene.analytic_scenes import a2_square_light, a4_disc_light, a5_half_plane
+from asmjax.scene.closed_forms import half_plane_square_visibility
+from asmjax.scene.lights import light_frame
+from asmjax.scene.soft_visibility import analytic_soft_visibility
+from asmjax.scene.spec import LightSpec, Shape, ViewSpec
+from helpers.analytic_cases import Case, case_of
+
+HEIGHT = 5.0
+"""Of the lights above the receiver z = 0."""
+
+
+def square_light(half: float, height: float = HEIGHT) -> AreaLight:
+    """Above the origin, along x and y, emitting downwards."""
+    return rectangle_light((0.0, 0.0, height), (0.0, half, 0.0), (half, 0.0, 0.0))
+
+
+def soft_case(name: str, side: int, half: float = 0.6, occluder_height: float = 2.0) -> Case:
+    """A2 or A4, or the half-plane of A5 below a disk ("a5") or a square ("a5_square") of half side
+    `half`; `expected` is the visible share of the light."""
+    if name == "a2":
+        scene = a2_square_light(1.0, half, HEIGHT, occluder_height)
+    elif name == "a4":
+        scene = a4_disc_light(1.0, half, HEIGHT, occluder_height)
+    else:
+        scene = a5_half_plane(half, HEIGHT, occluder_height)
+    light, soft = scene.soft_light(), scene.soft_visibility
+    if name == "a5_square":
+        light = replace(light, area=square_light(half))
+        width = penumbra(half, occluder_height)
+
+        def soft(x, y):
+            return half_plane_square_visibility(x, width) + 0 * y
+
+    view = next(iter(scene.spec.views.values())).resized(side, side)
+    case = case_of(scene, scene.spec.shapes, view, light)
+    x, y, _ = np.where(case.eye.valid, case.eye.world, 0.0)
+    assert soft is not None
+    return replace(case, judged=case.eye.shape == 0, expected=soft(x, y))
+
+
+def penumbra(half: float, occluder_height: float) -> float:
+    """Width of the penumbra of a straight edge below a square light."""
+    return 2 * half * occluder_height / (HEIGHT - occluder_height)
+
+
+def texel_on_receiver(case: Case, resolution: int, margin: np.ndarray) -> float:
+    """The longer side of a texel on z = 0, for light straight from above; scene units."""
+    extent = case.frame.extent * (1 + 2 * margin) / resolution
+    return float(extent.max()) * (HEIGHT if case.frame.perspective else 1.0)
+
+
+def traced_soft_case(
+    shapes: Sequence[Shape], view: ViewSpec, light: LightSpec, strata: int = 8
+) -> Case:
+    """Of any shapes, by float64 rays to two points in each of `strata` x `strata` cells of the
+    light; the first shape is judged."""
+    eye = analytic_eye(shapes, view)
+    frame = light_frame(light, eye, scene_bounds(shapes))
+    truth = analytic_soft_visibility(shapes, eye, frame, strata, 2)
+    return Case(
+        shapes=tuple(shapes),
+        view=view,
+        light=light,
+        eye=eye,
+        frame=frame,
+        rays=AnalyticRays(shapes),
+        judged=eye.shape == 0,
+        expected=truth.visibility,
+        edge_distance=np.full(eye.valid.size, np.inf),
+    )
+
+
+def mean_error(case: Case, visibility) -> float:
+    """Mean absolute error of the judged pixels."""
+    return float(np.abs(np.asarray(visibility, np.float64) - case.expected)[case.judged].mean())
+
+
+def ramp_width(case: Case, visibility, least: float = 0.1) -> float:
+    """Width in x of a linear ramp from 0 to 1, by least squares where it is neither."""
+    lit = np.asarray(visibility, np.float64)
+    inside = case.judged & (lit > least) & (lit < 1 - least)
+    assert inside.sum() > 50
+    return 1 / float(np.polyfit(case.eye.world[0, inside], lit[inside], 1)[0])

@@ -1,0 +1,239 @@
+"""Percentage-closer soft shadows against closed forms, and where they are known to be wrong."""
+
+from dataclasses import replace
+
+import equinox as eqx
+import jax
+import numpy as np
+import pytest
+from helpers.analytic_cases import kept_arrays, moved, random_rotation
+from helpers.counting import CountingRays
+from helpers.soft_cases import (
+    HEIGHT,
+    mean_error,
+    penumbra,
+    ramp_width,
+    soft_case,
+    square_light,
+    texel_on_receiver,
+    traced_soft_case,
+)
+
+from asmjax.errors import UseError
+from asmjax.experiment.traces import counted_traces
+from asmjax.geometry import disk_light, rectangle_light, sphere_light, sun_light
+from asmjax.scene.analytic_rays import AnalyticRays
+from asmjax.scene.closed_forms import half_plane_square_visibility
+from asmjax.scene.spec import LightSpec, Rectangle, Sphere, ViewSpec
+from asmjax.shadow import PercentageCloserSoftShadowMap, UniformShadowMap
+from asmjax.shadow.soft.light_taps import taps_of
+
+SIDE = 96
+FLOOR = Rectangle("floor", (0.0, 0.0, 0.0), (6.0, 0.0, 0.0), (0.0, 6.0, 0.0))
+ABOVE = ViewSpec("v", (0.6, -0.8, 9.0), (0.2, 0.1, 0.0), fov_x_deg=30.0, width=SIDE, height=SIDE)
+
+
+def asked(algorithm, case):
+    """State, and visibility of the case's pixels."""
+    state = algorithm.build(case.eye, case.frame, case.rays)
+    return state, np.asarray(algorithm.visibility(state, case.eye.points))
+
+
+@pytest.mark.parametrize(
+    ("half", "height"), [(0.2, 1.0), (0.6, 2.0), (0.6, 3.0), (1.2, 1.0), (0.05, 2.0)]
+)
+def test_ramp_of_a_half_plane(half, height):
+    """As wide as in truth but for a texel, for all sizes of light and heights of the blocker."""
+    case = soft_case("a5_square", SIDE, half, height)
+    algorithm = PercentageCloserSoftShadowMap(256)
+    state, lit = asked(algorithm, case)
+    texel = texel_on_receiver(case, 256, state.margin)
+    width = penumbra(half, height)
+    assert ramp_width(case, lit) == pytest.approx(width, abs=texel)
+    # A texel's shift of the edge, and a step of a tap.
+    assert np.abs(lit - case.expected)[case.judged].max() < texel / width + 2.5 / 64
+    assert np.abs(lit - case.expected)[case.judged].mean() < 0.5 * texel / width
+
+
+@pytest.mark.parametrize("name", ["a2", "a4", "a5"])
+def test_squares_and_disks_are_as_in_closed_form(name, dtype):
+    """One depth of blockers, parallel to light and receiver; of the square, edges lie along texels
+    and are all off by the same part of one."""
+    case = soft_case(name, SIDE)
+    _, lit = asked(PercentageCloserSoftShadowMap(256, filter_taps=256), case)
+    assert lit.dtype == dtype
+    assert mean_error(case, lit) < (0.008 if name == "a2" else 0.004)
+    hard = UniformShadowMap(256)
+    assert mean_error(case, lit) < 0.15 * mean_error(case, asked(hard, case)[1])
+
+
+def test_a_sun_is_a_disk_at_every_distance():
+    """Orthographic rays: the penumbra of a blocker at height h is 2 h tan(half angle) wide."""
+    shapes = (FLOOR, Rectangle("roof", (-4.0, 0.0, 2.0), (4.0, 0.0, 0.0), (0.0, 6.0, 0.0)))
+    direction = (0.0, 0.0, -1.0)
+    light = LightSpec("sun", "directional", direction=direction, area=sun_light(direction, 0.2))
+    case = traced_soft_case(shapes, replace(ABOVE, target=(0.5, 0.0, 0.0)), light)
+    _, lit = asked(PercentageCloserSoftShadowMap(256, filter_taps=256), case)
+    assert mean_error(case, lit) < 0.005
+    inside = case.judged & (lit > 0.02) & (lit < 0.98)
+    assert np.ptp(case.eye.world[0, inside]) == pytest.approx(4 * np.tan(0.1), abs=0.06)
+
+
+@pytest.mark.parametrize("shape", ["sphere", "tilted"])
+def test_lights_that_are_not_along_the_map(shape):
+    """Beside float64 rays to 256 points of the light: a sphere, and a tilted square aside."""
+    ball = Sphere("ball", (0.3, 0.1, 1.5), 0.5)
+    place = (0.8, -0.4, 5.0) if shape == "tilted" else (0.0, 0.0, 5.0)
+    area = sphere_light(place, 0.5)
+    if shape == "tilted":
+        area = rectangle_light(place, (0.0, 0.5, 0.0), (0.4, 0.0, 0.3))
+    light = LightSpec("lamp", "point", position=place, area=area)
+    case = traced_soft_case((FLOOR, ball), ABOVE, light)
+    _, lit = asked(PercentageCloserSoftShadowMap(256, filter_taps=256), case)
+    soft = mean_error(case, lit)
+    assert soft < 0.006
+    assert soft < 0.3 * mean_error(case, asked(UniformShadowMap(256), case)[1])
+
+
+@pytest.mark.parametrize("tilt_deg", [0.0, 60.0, 85.0])
+def test_a_plane_alone_is_lit_all_over(tilt_deg):
+    """However wide the search is, at any tilt: taps are tested by their own centres."""
+    tilt = np.radians(tilt_deg)
+    place = tuple(6.0 * np.array([0.8 * np.sin(tilt), 0.6 * np.sin(tilt), np.cos(tilt)]))
+    area = square_light(0.4).at(place)
+    light = LightSpec("lamp", "point", position=place, area=area)
+    case = traced_soft_case((FLOOR,), ABOVE, light, 1)
+    _, lit = asked(PercentageCloserSoftShadowMap(128), case)
+    assert (lit[case.eye.valid] == 1).all()
+
+
+def test_contact_hardens():
+    """Below a plate that leans on the floor the penumbra is as wide as the plate is high there."""
+    widths = []
+    for height in (0.4, 0.8, 1.6):
+        case = soft_case("a5_square", SIDE, 0.5, height)
+        _, lit = asked(PercentageCloserSoftShadowMap(512), case)
+        widths.append(ramp_width(case, lit))
+    expected = [penumbra(0.5, height) for height in (0.4, 0.8, 1.6)]
+    np.testing.assert_allclose(widths, expected, atol=0.02)
+
+
+def test_a_light_that_shrinks_is_a_point():
+    case = soft_case("a4", SIDE, 1e-5)
+    state, lit = asked(PercentageCloserSoftShadowMap(256), case)
+    assert set(np.unique(lit)) <= {0.0, 1.0} and (state.margin < 1e-4).all()
+    _, hard = asked(UniformShadowMap(256), case)
+    assert (lit != hard).mean() < 0.002
+
+
+def two_edges():
+    """Half-planes at two heights whose edges shade the same places; what is blocked of the light by
+    one is a part of what is blocked by the other, so that truth is the smaller of two ramps."""
+    heights, edges = (0.5, 3.0), (0.0, -0.04)
+    roofs = [
+        Rectangle(f"roof{k}", (edge - 4.0, 0.0, h), (4.0, 0.0, 0.0), (0.0, 20.0, 0.0))
+        for k, (h, edge) in enumerate(zip(heights, edges, strict=True))
+    ]
+    light = LightSpec("lamp", "point", position=(0.0, 0.0, HEIGHT), area=square_light(0.5))
+    view = ViewSpec("v", (2.5, 0.6, 3.0), (0.0, 0.0, 0.0), fov_x_deg=40.0, width=SIDE, height=SIDE)
+    case = traced_soft_case((FLOOR, *roofs), view, light, 1)
+    x = np.where(case.eye.valid, case.eye.world[0], 0.0)
+    ramps = [
+        half_plane_square_visibility(x - edge * HEIGHT / (HEIGHT - h), 2 * 0.5 * h / (HEIGHT - h))
+        for h, edge in zip(heights, edges, strict=True)
+    ]
+    return replace(case, expected=np.minimum(*ramps))
+
+
+def test_blockers_of_two_depths_are_known_to_be_wrong():
+    """The mean of their depths is that of neither: off by a fifth in places, beside 1 / 20 of one
+    blocker; a warning, not a promise."""
+    case = two_edges()
+    _, lit = asked(PercentageCloserSoftShadowMap(512, filter_taps=256), case)
+    worst = np.abs(lit - case.expected)[case.judged].max()
+    assert 0.1 < worst < 0.5
+    assert mean_error(case, lit) < 0.1
+
+
+def test_maps_go_on_beyond_the_image():
+    """A caster that no receiver sees straight before the light shades the image's border."""
+    roof = Rectangle("roof", (-1.2, 0.0, 2.0), (0.55, 0.0, 0.0), (0.0, 6.0, 0.0))
+    light = LightSpec("lamp", "point", position=(0.0, 0.0, HEIGHT), area=square_light(1.0))
+    view = ViewSpec("v", (0.0, 0.0, 4.0), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 30.0, SIDE, SIDE)
+    case = traced_soft_case((FLOOR, roof), view, light)
+    assert case.expected[case.judged].min() < 0.9
+    _, lit = asked(PercentageCloserSoftShadowMap(256), case)
+    assert mean_error(case, lit) < 0.02
+
+
+def test_verbs_under_a_light_with_a_size():
+    """Costs are those of the arrays, rays those that were cast, and nothing is traced again."""
+    case = soft_case("a4", SIDE)
+    algorithm = PercentageCloserSoftShadowMap(128, compare="both", keep=True)
+    rays = CountingRays(case.rays)
+    state = algorithm.build(case.eye, case.frame, rays)
+    cost = algorithm.cost(state)
+    assert cost.bytes == sum(array.nbytes for array in kept_arrays(state))
+    assert cost.bytes <= algorithm.memory(1).state.bytes
+    assert (cost.rays, cost.passes) == (rays.texels, rays.launches)
+    lit = np.asarray(algorithm.visibility(state, case.eye.points))
+    kept = algorithm.update(state, case.eye, case.frame, rays)
+    assert algorithm.cost(kept).rays == 0 and rays.launches == cost.passes
+    box = np.array([[[-9.0, 9.0]] * 3])
+    empty = algorithm.update(kept, case.eye, case.frame, AnalyticRays(case.shapes[:1]), moved=box)
+    assert np.asarray(algorithm.visibility(empty, case.eye.points)).min() == 1
+    wide = 1 + 2 * state.margin
+    density = np.asarray(algorithm.density(state, case.eye.points))
+    np.testing.assert_allclose(density[0, 0].max(), 128 / wide[0, 0], rtol=1e-6)
+    assert algorithm.effective_resolution(state) == round(128 / wide.min())
+    with pytest.raises(UseError, match="by the size of the light"):
+        algorithm.around(state, case.eye.points)
+    other = moved(case, random_rotation(3), np.array([0.3, -0.2, 0.1]))
+    other = replace(other, frame=turned(other, case, random_rotation(3)))
+    with counted_traces() as traces:
+        again = algorithm.build(other.eye, other.frame, other.rays)
+        after = np.asarray(algorithm.visibility(again, other.eye.points))
+    assert traces == []
+    assert np.abs(after - lit).mean() < 1e-3
+    jitted = jax.jit(algorithm.visibility)(again, other.eye.points)
+    np.testing.assert_allclose(jitted, after, atol=0.04)
+
+
+def turned(other, case, rotation):
+    """The frame of a moved case, with the light's area moved too."""
+    area = case.frame.area
+    area = eqx.tree_at(
+        lambda a: (a.centre, a.half_u, a.half_v, a.normal),
+        area,
+        (other.frame.origin, *(rotation @ v for v in (area.half_u, area.half_v, area.normal))),
+    )
+    return eqx.tree_at(lambda f: f.area, other.frame, area)
+
+
+def test_precisions_agree():
+    """But for receivers within a rounding of a texel's border."""
+    lit = []
+    for double in (False, True):
+        with jax.enable_x64(double):
+            lit.append(asked(PercentageCloserSoftShadowMap(128), soft_case("a4", SIDE))[1])
+    assert np.abs(lit[0] - lit[1]).mean() < 2e-3 and np.median(np.abs(lit[0] - lit[1])) == 0
+
+
+@pytest.mark.parametrize("count", [1, 2, 7, 32, 64])
+def test_taps_are_spread_evenly(count):
+    """One for each strip of the light along its axes (of a power of two), the centre their mean."""
+    square, disk = taps_of(square_light(1.0), count), taps_of(disk_light(*np.eye(3)), count)
+    assert square.shape == disk.shape == (2, count)
+    assert np.abs(square).max() < 1 and (np.hypot(*disk) < 1).all()
+    np.testing.assert_allclose(np.sort(square[0]), (2 * np.arange(count) + 1) / count - 1)
+    if count & (count - 1) == 0:
+        np.testing.assert_allclose(np.sort(square[1]), (2 * np.arange(count) + 1) / count - 1)
+    assert len({tuple(tap) for tap in square.T}) == count
+
+
+def test_wrong_use_is_refused():
+    for settings in (
+        {"resolution": 0}, {"filter_taps": 0}, {"blocker_taps": 2**20}, {"bias": -1.0},
+    ):  # fmt: skip
+        with pytest.raises(UseError, match="allowed"):
+            PercentageCloserSoftShadowMap(**settings)
