@@ -32,11 +32,16 @@ FLAT = 1e-3
 """Directions in which the objective bends less than this part of the most do not move: settings
 that do nothing there have no best value."""
 
-STARTS = 4
-"""Of the searches at each price, with and besides continuation."""
+STARTS = 6
+"""Of the searches at each price that continuation is compared with; it has twice as many of its
+own."""
 
-APART = 0.6
-"""Least distance of those starts, in sides of the box: near ones end in the same valley."""
+FOLLOWED = 3
+"""Of those, how many are gone on with."""
+
+APART = (0.2, 0.6)
+"""Least distance of starts, in sides of the box, half of them each: near ones mostly end in the
+same valley, but the best points lie close together, and not all in the best valley."""
 
 SCREENED = 512
 """Random points of which those searches start from the best."""
@@ -142,15 +147,17 @@ class _Screened:
     def __init__(self, model: Model, points: np.ndarray):
         self.points, self.said = points, said_of(model, points)
 
-    def best(self, price: float) -> list[np.ndarray]:
-        """The best for a price, `APART` from one another."""
+    def best(self, price: float, count: int) -> list[np.ndarray]:
+        """So many of the best for a price, `APART` from one another."""
         objective = self.said[0] + price * self.said[1]
+        ordered = self.points[np.argsort(objective, kind="stable")]
         chosen: list[np.ndarray] = []
-        for point in self.points[np.argsort(objective, kind="stable")]:
-            if all(np.linalg.norm(point - other) >= APART for other in chosen):
-                chosen.append(point)
-            if len(chosen) == STARTS:
-                break
+        for part, apart in enumerate(APART, start=1):
+            for point in ordered:
+                if len(chosen) >= part * count // len(APART):
+                    break
+                if all(np.linalg.norm(point - other) >= apart for other in chosen):
+                    chosen.append(point)
         return chosen
 
 
@@ -161,20 +168,20 @@ def _curve(
     middle = len(prices) // 2
     curve: dict[int, tuple[np.ndarray, float]] = {}
 
-    def correct(k: int, starts: list[np.ndarray], temperatures=STILL) -> None:
-        found = search(model, Goal(price=float(prices[k])), starts, temperatures)
+    def correct(k: int, starts: list[np.ndarray], temperatures=STILL, followed=None) -> None:
+        found = search(model, Goal(price=float(prices[k])), starts, temperatures, followed)
         if k not in curve or found.losses[0] < curve[k][1]:
             curve[k] = found.points[0], float(found.losses[0])
 
     # Out to either end from the middle, then all the way back and forth.
-    correct(middle, known.best(prices[middle]), COOLING)
+    correct(middle, known.best(prices[middle], 2 * STARTS), COOLING, 2 * FOLLOWED)
     for k in (*range(middle + 1, len(prices)), *range(middle - 1, -1, -1)):
         beside = k - 1 if k > middle else k + 1
         here, ratio = curve[beside][0], np.log(prices[k] / prices[beside])
         step, _ = direction(model, float(prices[beside]), here)
         predicted = np.asarray(boxed(unboxed(here) + ratio * step))
         correct(k, [predicted])
-        correct(k, known.best(prices[k]), COOLING)
+        correct(k, known.best(prices[k], 2 * STARTS), COOLING, 2 * FOLLOWED)
     back_and_forth = [(k, k - 1) for k in range(1, len(prices))]
     back_and_forth += [(k, k + 1) for k in range(len(prices) - 2, -1, -1)]
     for k, beside in back_and_forth:
@@ -185,7 +192,7 @@ def _curve(
 def _front_point(
     model: Model, price: float, point: np.ndarray, loss: float, elsewhere: _Screened
 ) -> FrontPoint:
-    again = search(model, Goal(price=price), elsewhere.best(price), COOLING)
+    again = search(model, Goal(price=price), elsewhere.best(price, STARTS), COOLING, FOLLOWED)
     if again.losses[0] < loss:
         point = again.points[0]
     edge, seconds = said_of(model, point[None])[:, 0]

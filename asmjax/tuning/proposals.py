@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from scipy.stats import qmc
 
-from asmjax.tuning.goal import Goal
+from asmjax.tuning.goal import Goal, smooth_objective
 from asmjax.tuning.search import Model, said_of
 from asmjax.tuning.space import Space
 
@@ -18,6 +18,9 @@ SCREENED = 256
 NEW_SIZES = 2
 """Of the proposals of a round, those that come first for their size of nodes or memory, the best
 of all among them."""
+
+HARMLESS = 0.01
+"""Part of the objective that plainer settings may cost."""
 
 OFF, END = 0.05, 0.03
 """As near to an end of its range a setting is tried at it: off, where it can be, or just there."""
@@ -63,6 +66,30 @@ def around(space: Space, point: np.ndarray) -> list[np.ndarray]:
     """Neighbours of a point, near and far."""
     near = [other for step in STEP for other in space.neighbours(point, step)]
     return [*near, *extremes(space, point)]
+
+
+def plainer(
+    space: Space, model: Model, goal: Goal, point: np.ndarray, default: np.ndarray
+) -> np.ndarray:
+    """The point with settings back at the default's, what matters least first, as long as by the
+    surrogate the objective is no worse than `HARMLESS` in all. What does nothing in this view is
+    where a search happened to leave it, and may do harm in another."""
+    most = _log_objective(model, goal, [point])[0] + HARMLESS
+    while True:
+        back = [
+            np.r_[point[:k], default[k], point[k + 1 :]]
+            for k in range(len(space.knobs))
+            if abs(point[k] - default[k]) > 1e-9
+        ]
+        worse = _log_objective(model, goal, back) if back else np.array([np.inf])
+        if not worse.min() <= most:
+            return point
+        point = back[int(worse.argmin())]
+
+
+def _log_objective(model: Model, goal: Goal, points: Sequence[np.ndarray]) -> np.ndarray:
+    said = said_of(model, np.stack(points))
+    return np.asarray(smooth_objective(goal.kind, np.log(goal.value), *said))
 
 
 def distinct(

@@ -23,6 +23,9 @@ TEMPERATURES = (1.0, 0.5, TEMPERATURE)
 STEPS = 40
 """Of BFGS at each temperature."""
 
+SHORT = 16
+"""Of those searches of which the best alone are gone on with."""
+
 EDGE = 4.0
 """Unconstrained numbers act as if they ended here, where 0.982 of the way to an end of the box is
 made. The last bit is left out: there a search would creep, and an end itself is tried as such."""
@@ -143,15 +146,31 @@ def search(
     goal: Goal,
     starts: Sequence[np.ndarray],
     temperatures: Sequence[float] = TEMPERATURES,
+    followed: int | None = None,
 ) -> Found:
     """Search from each start (knobs,). An end where the objective is no number comes last, with a
-    loss of infinity, and is not settled."""
+    loss of infinity, and is not settled.
+
+    Args:
+        followed: how many of the searches are gone on with after `SHORT` steps at the first
+            temperature, the best ones; all, and with all their steps, if None.
+    """
     log_value = jnp.log(goal.value)
+
+    def descend(free, temperature, steps=STEPS):
+        return _descend(model, goal.kind, log_value, free, jnp.asarray(temperature), steps)
+
+    free = [jnp.asarray(unboxed(start)) for start in starts]
+    if followed is not None:
+        ends = [descend(start, temperatures[0], SHORT) for start in free]
+        losses = np.array([float(end[1]) for end in ends])
+        order = np.argsort(np.where(np.isfinite(losses), losses, np.inf), kind="stable")
+        free, temperatures = [ends[k][0] for k in order[:followed]], temperatures[1:]
     ends = []
-    for start in starts:
-        end = jnp.asarray(unboxed(start)), None, None
+    for start in free:
+        end = start, None, None
         for temperature in temperatures:
-            end = _descend(model, goal.kind, log_value, end[0], jnp.asarray(temperature), STEPS)
+            end = descend(end[0], temperature)
         ends.append(end)
     free, losses, slopes = (np.stack([np.asarray(end[k]) for end in ends]) for k in range(3))
     losses = np.where(np.isfinite(losses), losses, np.inf)

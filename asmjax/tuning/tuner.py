@@ -3,7 +3,8 @@
 1. Settings drawn at random are measured on the views, and the surrogate is fitted to them.
 2. The surrogate is minimised from several starts; what it proposes is measured, the fit is made
    again with that, and once more.
-3. Neighbours of the best so far are measured, those first that the surrogate prefers.
+3. Neighbours of the best so far are measured, plainer settings first and then those that the
+   surrogate prefers.
 4. The best few are measured on other views, in turns, beside the best of a grid and of a random
    search with as many measurements; what is best there is chosen.
 
@@ -24,7 +25,15 @@ from asmjax.tuning.calibrate import Calibration, calibrated_fit
 from asmjax.tuning.evidence import Evidence, evidence_of
 from asmjax.tuning.front import trace_front
 from asmjax.tuning.goal import LEAST_PX, Goal
-from asmjax.tuning.proposals import around, at_ends, distinct, extremes, preferred, promising
+from asmjax.tuning.proposals import (
+    around,
+    at_ends,
+    distinct,
+    extremes,
+    plainer,
+    preferred,
+    promising,
+)
 from asmjax.tuning.result import Candidate, FrontPoint, Outcome, Sensitivity, TuneResult, best_of
 from asmjax.tuning.search import Model, model_of, said_of, search
 from asmjax.tuning.space import BALANCED, NAMES, Space, space_of
@@ -42,7 +51,7 @@ LEAST_EVALUATIONS = SAMPLES + ROUNDS * PROPOSALS
 STARTS = 2
 """Of each search: of the best measured, and of the best by the surrogate."""
 
-FINALISTS = 3
+FINALISTS = 5
 """Of each kind, how many are measured on the held-out views: as many draws for each."""
 
 APART = 0.15
@@ -257,12 +266,15 @@ class Tuner:
         return distinct(space, ordered, self.tried.knows, PROPOSALS)
 
     def _neighbours(self, model: Model) -> None:
-        """Measure neighbours of the best, and of the new best, as long as evaluations are left."""
+        """Measure what is plainer than the best, and its neighbours, and those of the new best, as
+        long as evaluations are left."""
         left = self.evaluations - len(self.tried.own) + 1
         while left > 0:
             best = self.tried.first(self.tried.own, 1)[0]
             beside = preferred(model, self.goal, around(self.space, best.point))
-            for point in beside:
+            default = self.space.point(self.base)
+            plain = plainer(self.space, model, self.goal, best.point, default)
+            for point in (plain, *beside):
                 if left <= 0 or self.tried.knows(point):
                     continue
                 if self._late():
