@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from asmjax.buffers import eye_buffer
+from asmjax.buffers import eye_buffer, light_offset, project
 from asmjax.errors import UseError
 from asmjax.experiment.traces import counted_traces
 from asmjax.geometry import (
@@ -268,7 +268,8 @@ def test_a_light_without_a_size_costs_nothing():
     )
     assert len(jax.tree.leaves(without)) == 7
     assert len(jax.tree.leaves(with_area)) == 11
-    assert eqx.tree_equal(replace(with_area, area=None), without)
+    back = kept_light_frame(with_area, replace(light, area=None), floor(), BOUNDS)
+    assert len(jax.tree.leaves(back)) == 7 and back.cos_cutoff == without.cos_cutoff == -1
     assert not eqx.tree_equal(with_area, without)
 
     @eqx.filter_jit
@@ -282,3 +283,26 @@ def test_a_light_without_a_size_costs_nothing():
         moved = light.moved_to((0.0, 0.0, 4.0))
         origin(light_frame(moved, floor(), BOUNDS))
     assert traces == []
+
+
+def test_hard_shadows_of_flat_lights_are_on_their_front():
+    """A wall to both sides of a lamp's plane: what is behind is neither in the frame nor in the
+    domain; of the point at its centre all is."""
+    light = LightSpec("lamp", "point", (0.0, 0.0, 3.0), area=FLAT["disk"].at((0.0, 0.0, 3.0)))
+    eye = floor()
+    wall = eye_buffer(
+        eye.camera,
+        world=np.stack([0 * eye.world[0] - 2.0, eye.world[0], 3.0 + eye.world[1]]),
+        normal=np.repeat([[1.0], [0.0], [0.0]], 81, axis=1),
+        depth=eye.depth,
+        prim=eye.prim,
+        shape=eye.shape,
+        albedo=eye.albedo,
+        flat=np.ones(81, bool),
+    )
+    below = wall.world[2] < 3.0
+    for one, expected in ((light, below), (replace(light, area=None), np.ones(81, bool))):
+        frame = light_frame(one, wall, BOUNDS)
+        np.testing.assert_array_equal(in_domain(frame, wall.world), expected)
+        receivers = project(wall.points, frame, light_offset(wall.points, frame))
+        np.testing.assert_array_equal(receivers.facing, expected)

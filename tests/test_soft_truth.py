@@ -80,17 +80,20 @@ def test_a_sphere_between_a_spherical_light_and_a_plane():
 
 
 def test_half_a_light_above_the_horizon_is_half_a_light():
-    """A wall whose plane cuts a disk light in the middle; a light that looks away is none."""
+    """A wall whose plane cuts a disk light in the middle; a light that looks away is refused."""
     wall = [Rectangle("wall", (0.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))]
     view = ViewSpec("aside", (4.0, 0.5, 0.2), (0.0, 0.0, 0.0), fov_x_deg=20, width=16, height=16)
     eye = analytic_eye(wall, view)
-    for down, expected in ((-1.0, 0.5), (1.0, 0.0)):
-        area = disk_light((0, 0, 3), (0.5, 0, 0), (0, 0.5 * down, 0))
-        light = LightSpec("lamp", "point", (0.0, 0.0, 3.0), area=area)
-        frame = light_frame(light, eye, scene_bounds(wall))
-        found = analytic_soft_visibility(wall, eye, frame, strata=4, repeats=2)
-        assert found.visibility[eye.valid] == pytest.approx(expected, abs=1e-12)
-        assert not found.visibility[~eye.valid].any() and not found.error.any()
+    down, up = (
+        LightSpec("lamp", "point", (0.0, 0.0, 3.0), area=disk_light((0, 0, 3), (0.5, 0, 0), half_v))
+        for half_v in ((0, -0.5, 0), (0, 0.5, 0))
+    )
+    frame = light_frame(down, eye, scene_bounds(wall))
+    found = analytic_soft_visibility(wall, eye, frame, strata=4, repeats=2)
+    assert found.visibility[eye.valid] == pytest.approx(0.5, abs=1e-12)
+    assert not found.visibility[~eye.valid].any() and not found.error.any()
+    with pytest.raises(UseError, match="shines on no surface"):
+        light_frame(up, eye, scene_bounds(wall))
 
 
 def test_a_seed_is_the_same_for_everybody():

@@ -32,13 +32,13 @@ class LightFrame(eqx.Module):
         rotation: (faces, 3, 3) float64, rows are the world directions of u, v and the axis.
         corner: (faces, 2) float64, plane coordinates of u = v = 0.
         extent: (faces, 2) float64, plane size of the rectangle.
-        cone_axis: (3,) float64, world: the axis of a spot's cone.
-        cos_cutoff: cosine of the cone's half angle; -1 for no cone.
+        cone_axis: (3,) float64, world: the axis of a spot's cone, the normal of a flat light.
+        cos_cutoff: cosine of the cone's half angle; -1 for no cone, 0 for a flat light.
         near: smallest axial depth that a receiver may have, scene units.
         perspective: whether rays start at `origin` (else they are parallel).
         area: the size of a light that has one: `origin` is then the centre of the surface, or the
-            axis the middle of the sun. None for a light without size, and of no concern to hard
-            shadows.
+            axis the middle of the sun. None for a light without size. Hard shadows take the centre,
+            and of a flat light the side that it emits to.
     """
 
     origin: np.ndarray

@@ -90,9 +90,14 @@ def _kept(
 
 
 def _with_area(frame: LightFrame, light: LightSpec) -> LightFrame:
-    """The frame with the area of the light, and itself where it has it already."""
+    """The frame with the area of the light, and itself where it has it already. Of a flat light the
+    cone is all that lies before it."""
     if (frame.area is None) == (light.area is None) and eqx.tree_equal(frame.area, light.area):
         return frame
+    if light.area is not None and light.area.is_flat:
+        return replace(frame, area=light.area, cone_axis=light.area.normal, cos_cutoff=0.0)
+    if frame.area is not None and frame.area.is_flat:
+        frame = replace(frame, cos_cutoff=-1.0)
     return replace(frame, area=light.area)
 
 
@@ -147,6 +152,7 @@ def _lit_side(light: LightSpec, eye: EyeBuffer) -> np.ndarray:
         # A sun is as large as its direction is long.
         size = float(np.linalg.norm(to_light)) if light.kind == "directional" else 1.0
         height = height + size * light.area.extent_along(eye.normal)
+        height = np.where(light.area.emits_towards(eye.world), height, 0.0)
     return eye.world[:, eye.valid & (height > 0)]
 
 

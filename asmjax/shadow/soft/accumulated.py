@@ -1,0 +1,186 @@
+"""Soft shadows as the mean of many hard ones, from samples of the light."""
+
+import time
+from collections.abc import Hashable
+from dataclasses import replace
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from asmjax.buffers import EyeBuffer, LightRays, SurfacePoints, light_offset
+from asmjax.errors import require
+from asmjax.geometry import LightFrame
+from asmjax.numerics import dot
+from asmjax.shadow.base import Cost, MapMemory, ShadowAlgorithm, Status
+from asmjax.shadow.comparison import BIAS, Compare, check_test
+from asmjax.shadow.neighbourhood import Neighbourhood
+from asmjax.shadow.soft.sampled_light import sample_frames
+from asmjax.shadow.uniform import LARGEST, FlatNeighbourhood, UniformShadowMap, UniformState
+
+MOST_SAMPLES = 64
+"""Samples of a light a side."""
+
+
+class AccumulatedState(eqx.Module):
+    """A flat map for each sample of the light; one for a light without a size.
+
+    Attributes:
+        frame: the light's own.
+        analysis: seconds that the samples' frames took.
+    """
+
+    frame: LightFrame
+    maps: tuple[UniformState, ...]
+    analysis: float
+
+
+class AccumulatedShadowMap(ShadowAlgorithm[AccumulatedState]):
+    """The mean of hard shadows from `samples` x `samples` points of the light, centred in cells of
+    equal area (Heckbert and Herf 1997). On a straight edge the visibility is off by at most
+    1 / (2 `samples`); the edges of the hard shadows show as bands unless they are a pixel apart.
+
+    All maps together have `resolution`^2 texels for each face of the light, so that a soft shadow
+    is as large as the hard one of the same resolution, and blurred the more the coarser each of its
+    maps is. A light without a size has one map, `UniformShadowMap` of that resolution bit for bit.
+
+    Visibility is a part of the light's area, as a receiver sees it only of spheres and suns (that
+    of a flat light is not weighted by cosines). Samples behind the receiver's own plane are dark to
+    it, and so is all that is on the side to which a flat light does not emit. Receivers that are
+    nearer to a light than its own diameter are answered by the samples whose frames hold them.
+
+    Attributes:
+        resolution: texels a side of all maps together; each of a light with a size has
+            `resolution` / `samples`.
+        samples: points of a light with a size, a side of the grid.
+        compare: what is stored and compared: "depth", "id", or "both".
+        bias: relative depth bias of the comparison.
+    """
+
+    resolution: int = 2048
+    samples: int = 4
+    compare: Compare = "depth"
+    bias: float = BIAS
+
+    reference: ClassVar[str] = (
+        "Heckbert and Herf 1997, Simulating Soft Shadows with Graphics Hardware"
+    )
+
+    def __check_init__(self):
+        require(
+            1 <= self.samples <= MOST_SAMPLES,
+            f"{self.samples} x {self.samples} samples of a light are not possible; allowed: 1 to "
+            f"{MOST_SAMPLES} a side.",
+        )
+        require(
+            1 <= self.resolution <= LARGEST,
+            f"maps of {self.resolution} texels a side in all are not possible; allowed: 1 to "
+            f"{LARGEST}.",
+        )
+        check_test(self.compare, self.bias)
+
+    @property
+    def name(self) -> str:
+        suffix = "" if self.compare == "depth" else f"-{self.compare}"
+        return f"accumulated-{self.resolution}-{self.samples}x{self.samples}{suffix}"
+
+    def _flat(self, frame: LightFrame) -> UniformShadowMap:
+        """The settings of each of the maps."""
+        maps = 1 if frame.area is None else self.samples
+        return UniformShadowMap(self.resolution // maps, self.compare, self.bias)
+
+    def build(self, view: EyeBuffer, frame: LightFrame, rays: LightRays) -> AccumulatedState:
+        require(
+            frame.area is None or self.resolution >= self.samples,
+            f"{self.name} has no texel for each of its maps; allowed: at least as many texels a "
+            "side as samples: raise the resolution.",
+        )
+        start = time.perf_counter()
+        frames = sample_frames(frame, view, self.samples)
+        analysis = time.perf_counter() - start
+        flat = self._flat(frame)
+        return AccumulatedState(
+            frame, tuple(flat.build(view, one, rays) for one in frames), analysis
+        )
+
+    def update(self, state, view, frame, rays, moved=None) -> AccumulatedState:
+        """Drawn anew: the samples' frames follow what the view sees."""
+        return self.build(view, frame, rays)
+
+    def warm_up(self, state: AccumulatedState, view: EyeBuffer, frame: LightFrame) -> None:
+        """Nothing: every update calls the same."""
+
+    def program(self, frame: LightFrame) -> Hashable:
+        """One compilation serves all samples, whatever their number."""
+        return self._flat(frame), frame.area is None
+
+    def rehearse(self, view: EyeBuffer, frame: LightFrame, rays: LightRays) -> AccumulatedState:
+        """What every build calls."""
+        return self.build(view, frame, rays)
+
+    def copied(self, state: AccumulatedState) -> AccumulatedState:
+        """`state` itself: nothing takes it over."""
+        return state
+
+    def visibility(self, state: AccumulatedState, points: SurfacePoints) -> Float[Array, " n"]:
+        flat = self._flat(state.frame)
+        if state.frame.area is None:
+            return flat.visibility(state.maps[0], points)
+        lit = counted = jnp.zeros(points.valid.shape, points.position.dtype)
+        for one in state.maps:
+            offset = light_offset(points, one.frame)
+            lit, counted = _added(lit, counted, flat.around(one, points), one.frame, points, offset)
+        return lit / jnp.maximum(counted, 1)
+
+    def around(self, state: AccumulatedState, points: SurfacePoints) -> Neighbourhood:
+        """Of a light without a size; the mean of several maps has no texels."""
+        require(
+            state.frame.area is None,
+            f"{self.name} is the mean of several maps under a light with a size, and cannot be "
+            "filtered; raise its samples instead.",
+        )
+        return self._flat(state.frame).around(state.maps[0], points)
+
+    def density(self, state: AccumulatedState, points: SurfacePoints) -> Float[Array, "2 2 n"]:
+        """Of one map, as if it were that of the light's centre."""
+        centre = replace(state.maps[0], frame=state.frame)
+        return self._flat(state.frame).density(centre, points)
+
+    def cost(self, state: AccumulatedState) -> Cost:
+        flat = self._flat(state.frame)
+        costs = [flat.cost(one) for one in state.maps]
+        return Cost(
+            texels=sum(cost.texels for cost in costs),
+            bytes=sum(cost.bytes for cost in costs),
+            rays=sum(cost.rays for cost in costs),
+            passes=sum(cost.passes for cost in costs),
+            seconds={
+                "build": sum(cost.seconds["build"] for cost in costs),
+                "analysis": state.analysis,
+            },
+        )
+
+    def memory(self, faces: int) -> MapMemory:
+        """All maps together are no larger than one of the whole resolution."""
+        return UniformShadowMap(self.resolution, self.compare, self.bias).memory(faces)
+
+    def status(self, state: AccumulatedState) -> Status:
+        return Status.COMPLETE
+
+    def effective_resolution(self, state: AccumulatedState) -> int:
+        return self._flat(state.frame).resolution
+
+
+@eqx.filter_jit
+def _added(lit, counted, around: FlatNeighbourhood, frame, points, offset):
+    """Sums over samples with one more: which points are lit, and which the sample can tell about:
+    those in its frame, and those behind whose plane it stands. Nobody tells about what lies behind
+    a flat light."""
+    dtype = points.position.dtype
+    rotation, start = jnp.asarray(frame.rotation[0], dtype), jnp.asarray(offset[0], dtype)
+    normal = [dot(axis, points.normal) for axis in rotation]
+    local = [dot(axis, points.position) + start[k] for k, axis in enumerate(rotation)]
+    height = -dot(normal, local) if frame.perspective else -normal[2]
+    told = around.receivers.facing | ~(height > 0)
+    return lit + around.lit().astype(lit.dtype), counted + told.astype(lit.dtype)

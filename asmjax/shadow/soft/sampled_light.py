@@ -1,0 +1,116 @@
+"""Light frames for the samples of a light with a size: each one holds what the light's own holds.
+
+The frame of a light is fitted to what its centre (or its middle direction) shines on. Seen from
+another point of the light the same receivers lie elsewhere, the nearer ones farther away. A
+sample's frame has the faces of the light's own and rectangles around the same part of space: that
+between the nearest and the farthest receiver that the view sees.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from asmjax.buffers import EyeBuffer
+from asmjax.geometry import LightFrame, stratified, unit
+
+DEPTH_MARGIN = 0.1
+"""Depths of receivers are taken to reach this part farther both ways: of their own, or under
+parallel light of the range between them. Samples of a pixel see what its centre does not."""
+
+LEAST_RANGE = 1e-3
+"""Under parallel light depths reach at least this part of the image's size farther."""
+
+NEAREST = 2.0
+"""Receivers nearer to a light than so many times its `radius` need not lie in all frames: a
+rectangle around what is nearly beside a sample has no end."""
+
+
+def sample_frames(frame: LightFrame, view: EyeBuffer, samples: int) -> list[LightFrame]:
+    """Frames for the centres of `samples` x `samples` cells of equal area of the light, without an
+    area themselves; the light's own where it has none, and for a sample at its very centre.
+
+    Of a sphere the disk is sampled that the middle of the visible receivers sees.
+    """
+    area = frame.area
+    if area is None:
+        return [frame]
+    point = replace(frame, area=None)
+    world = view.world[:, view.valid]
+    towards = world.mean(axis=1) if world.size else None
+    depths = [_depths(frame, face, world) for face in range(frame.faces)]
+    from_there = _from_point if frame.perspective else _along_direction
+    return [
+        from_there(point, offset, depths, area.radius) if offset.any() else point
+        for offset in area.offsets(stratified(samples), towards).T
+    ]
+
+
+Depths = tuple[float, float] | None
+"""Of the nearest and the farthest receiver on a face; None where none is seen."""
+
+
+def _depths(frame: LightFrame, face: int, world: np.ndarray) -> Depths:
+    x, y, depth = frame.rotation[face] @ (world - frame.origin[:, None])
+    in_front = depth > frame.near
+    scale = np.where(in_front, depth, 1.0) if frame.perspective else 1.0
+    low, high = frame.corner[face], frame.corner[face] + frame.extent[face]
+    held = in_front & (x / scale >= low[0]) & (x / scale < high[0])
+    held &= (y / scale >= low[1]) & (y / scale < high[1])
+    return (float(depth[held].min()), float(depth[held].max())) if held.any() else None
+
+
+def _outline(frame: LightFrame, face: int) -> np.ndarray:
+    """Plane coordinates (2, 4) of the corners of a face's rectangle."""
+    (x, y), (wide, high) = frame.corner[face], frame.extent[face]
+    return np.array([[x, x + wide, x, x + wide], [y, y, y + high, y + high]])
+
+
+def _from_point(
+    point: LightFrame, offset: np.ndarray, depths: list[Depths], radius: float
+) -> LightFrame:
+    corner, extent = point.corner.copy(), point.extent.copy()
+    for face, seen in enumerate(depths):
+        # What no receiver is seen on may stay as it is.
+        if seen is None:
+            continue
+        near = max((1 - DEPTH_MARGIN) * seen[0], NEAREST * radius)
+        far = max((1 + DEPTH_MARGIN) * seen[1], near)
+        right, down, ahead = point.rotation[face] @ offset
+        ends = [
+            (_outline(point, face) * depth - [[right], [down]]) / (depth - ahead)
+            for depth in (near, far)
+        ]
+        both = np.concatenate(ends, axis=1)
+        corner[face], extent[face] = both.min(axis=1), np.ptp(both, axis=1)
+    return replace(point, origin=point.origin + offset, corner=corner, extent=extent)
+
+
+def _along_direction(
+    point: LightFrame, offset: np.ndarray, depths: list[Depths], radius: float
+) -> LightFrame:
+    """Depth counts from a plane in front of all that stands behind the light's own plane and may
+    shade a receiver along the sample's direction."""
+    e_u, e_v, e_w = point.rotation[0]
+    ahead = unit(e_w + offset)
+    across = unit(e_u - (e_u @ ahead) * ahead)
+    rotation = np.stack([across, np.cross(ahead, across), ahead])
+    least = LEAST_RANGE * float(point.extent.max())
+    near, far = depths[0] or (0.0, 0.0)
+    more = max(DEPTH_MARGIN * (far - near), least)
+    near, far = max(near - more, 0.0), far + more
+    x, y = _outline(point, 0)
+    box = np.concatenate([
+        e_u[:, None] * x + e_v[:, None] * y + e_w[:, None] * depth for depth in (near, far)
+    ], axis=1)  # fmt: skip
+    # Back along the sample's direction, to where the light's own rays start.
+    starts = box - ahead[:, None] * ((e_w @ box) / (e_w @ ahead))
+    origin = point.origin + ahead * float((ahead @ starts).min())
+    plane = rotation[:2] @ box
+    return replace(
+        point,
+        origin=origin,
+        rotation=rotation[None],
+        corner=plane.min(axis=1)[None],
+        extent=np.ptp(plane, axis=1)[None],
+        cone_axis=ahead,
+    )
