@@ -1,0 +1,7 @@
+"""Soft shadows: algorithms for lights that have a size."""
+
+from asmjax.shadow.soft.accumulated import AccumulatedShadowMap
+from asmjax.shadow.soft.moments import MomentShadowMap
+from asmjax.shadow.soft.pcss import PercentageCloserSoftShadowMap
+
+__all__ = ["AccumulatedShadowMap", "MomentShadowMap", "PercentageCloserSoftShadowMap"]
