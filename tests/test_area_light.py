@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from helpers.analytic_cases import analytic_case
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -23,6 +24,8 @@ from asmjax.geometry import (
     stratified,
     sun_light,
 )
+from asmjax.hard_cases.measure import algorithm_for
+from asmjax.scene.analytic_rays import scene_bounds
 from asmjax.scene.lights import area_of, kept_light_frame, light_frame
 from asmjax.scene.motion import moved_light
 from asmjax.scene.spec import Disk, LightSpec, Rectangle, Sphere
@@ -306,3 +309,19 @@ def test_hard_shadows_of_flat_lights_are_on_their_front():
         np.testing.assert_array_equal(in_domain(frame, wall.world), expected)
         receivers = project(wall.points, frame, light_offset(wall.points, frame))
         np.testing.assert_array_equal(receivers.facing, expected)
+
+
+@pytest.mark.parametrize("family", ["uniform", "adaptive", "light-space"])
+def test_hard_maps_take_the_centre(family):
+    """A size changes nothing for them where all receivers lie before the light."""
+    case = analytic_case("a4_disc_light", 32)
+    area = disk_light(case.frame.origin, (0.6, 0, 0), (0, -0.6, 0))
+    sized = light_frame(replace(case.light, area=area), case.eye, scene_bounds(case.shapes))
+    np.testing.assert_array_equal(sized.extent, case.frame.extent)
+    algorithm = algorithm_for(family, 1)
+    plain, other = (
+        algorithm.visibility(algorithm.build(case.eye, frame, case.rays), case.eye.points)
+        for frame in (case.frame, sized)
+    )
+    np.testing.assert_array_equal(plain, other)
+    assert 0 < plain.mean() < 1
