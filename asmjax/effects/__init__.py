@@ -1,13 +1,14 @@
 """Which shadow effects a view of a scene calls for: looked at, decided, and said.
 
-`probe` and `widths` look at the scene with a few thousand rays, `decide` turns numbers into
+`looking` takes a few thousand rays (`probe`, `widths`) to numbers, `decide` takes numbers to
 decisions, `planning` does both for all lights, and `plan` says what came of it. The formulas are
 in docs/effects.md.
 """
 
+from asmjax.effects.asked import LightAsked, SceneAsked
 from asmjax.effects.decide import TOLERANCE, Rates, decide_light
 from asmjax.effects.plan import LightSeen, Plan
-from asmjax.effects.planning import LightAsked, SceneAsked, plan_lights
+from asmjax.effects.planning import plan_lights
 from asmjax.effects.probe import probe_size
 from asmjax.effects.records import Decision, LightNumbers, NotSimulated, Outcome, Skipped
 

@@ -322,8 +322,8 @@ class _Choice:
             "faces": numbers.faces,
             "fov_deg": numbers.fov_deg,
             "methods": tuple(method for method in methods if method is not None),
-            "width_p50": numbers.width_p50,
-            "width_p95": numbers.width_p95,
+            "width_p50": numbers.width_p50 if numbers.shape else 0.0,
+            "width_p95": numbers.width_p95 if numbers.shape else 0.0,
         }
 
     def _first(self, wanted: tuple[str, ...]) -> str | None:
@@ -332,7 +332,7 @@ class _Choice:
 
 _WITHOUT_SIZE = {
     "point": "a point has no penumbra",
-    "spot": "a spot starts at a point: the soft rim of its cone is no penumbra",
+    "spot": "the soft rim of a spot's cone is no penumbra",
     "directional": "parallel light has no penumbra",
 }
 
@@ -378,7 +378,9 @@ def _small(numbers: LightNumbers, tolerance: float) -> list[Skipped]:
         why = f"{6 - numbers.faces} of 6 see no receiver"
         skipped.append(Skipped(numbers.name, "cube faces", why))
     if numbers.facing < 1:
-        why = f"{percent(1 - numbers.facing)} of the pixels face away: dark without a look-up"
+        why = (
+            f"{percent(1 - numbers.facing)} of the pixels face away or are out of reach: no look-up"
+        )
         skipped.append(Skipped(numbers.name, "pixels turned away", why))
     for effect, error in (
         ("transmittance", numbers.transmitted),

@@ -102,7 +102,7 @@ class Plan:
             f"plan of {self.scene}, {self.view.name}, {size}; what changes less than "
             f"{percent(self.tolerance)} of the light is left out"
         ]
-        lines += [f"note: {note}" for note in self.notes]
+        lines += [line for note in self.notes for line in _wrapped(f"note: {note}")]
         for decision in self.decisions:
             lines += _said(decision)
         lines += _listed("skipped", self.skipped)

@@ -1,69 +1,31 @@
-"""Making a plan: looking at the lights of a view, no closer than the decisions need.
-
-A light below the tolerance gets no ray, a light without size no search for blockers, an opaque
-scene no rays through casters, and surroundings that hardly shine none either.
-"""
+"""Making a plan: what part of the light each light brings, a look at each, and what to do."""
 
 import math
-from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from asmjax.buffers import EyeBuffer, LightRays
-from asmjax.effects import probe, widths
-from asmjax.effects.decide import FAMILIES, TOLERANCE, Rates, check_force, decide_light
-from asmjax.effects.plan import LightSeen, Plan
-from asmjax.effects.records import LightNumbers, NotSimulated, Outcome, Skipped, percent
-from asmjax.geometry import LightFrame
-from asmjax.scene.materials import Materials, Surroundings
-from asmjax.scene.spec import LightSpec, ViewSpec
-
-
-@dataclass(frozen=True, eq=False)
-class LightAsked:
-    """A light that is planned for.
-
-    Attributes:
-        spec: what it is.
-        frame: for what the probe sees; None where it shines on nothing there.
-        rays: makes what casts its rays, when they are needed.
-        why: there is no frame.
-    """
-
-    spec: LightSpec
-    frame: LightFrame | None
-    rays: Callable[[], LightRays]
-    why: str = ""
-
-
-@dataclass(frozen=True, eq=False)
-class SceneAsked:
-    """A view of a scene that is planned for.
-
-    Attributes:
-        name: of the scene.
-        view: at the size of the picture.
-        eye: the probe's image of it (`probe_size`).
-        lights: to plan for.
-        rays: against everything, for the surroundings.
-        first_prim: (n_shapes + 1,) first primitive of each shape, and their number.
-        materials: of the shapes.
-        surroundings: emitters all around.
-        lone_convex: whether one convex object is all there is.
-        moving: whether anything moves between frames.
-    """
-
-    name: str
-    view: ViewSpec
-    eye: EyeBuffer
-    lights: Sequence[LightAsked]
-    rays: LightRays
-    first_prim: np.ndarray
-    materials: Materials
-    surroundings: Sequence[Surroundings] = ()
-    lone_convex: bool = False
-    moving: bool = False
+from asmjax.effects import probe
+from asmjax.effects.asked import SceneAsked
+from asmjax.effects.decide import (
+    FAMILIES,
+    SUBPIXEL,
+    TOLERANCE,
+    Rates,
+    check_force,
+    decide_light,
+)
+from asmjax.effects.looking import SUN_DEG, look_at_light
+from asmjax.effects.plan import Plan
+from asmjax.effects.records import (
+    LightNumbers,
+    NotSimulated,
+    Outcome,
+    Skipped,
+    percent,
+    pixels,
+)
 
 
 def plan_lights(
@@ -101,11 +63,12 @@ def plan_lights(
     for k in order:
         light = asked.lights[k]
         chosen = force.get(light.spec.name, force.get("*"))
-        known, looked = _numbers(asked, light, paths[k], parts[k], tolerance, chosen)
+        known, looked = look_at_light(asked, light, paths[k], parts[k], tolerance, chosen)
         outcome = decide_light(known, tolerance, chosen, available, rates)
         if light.frame is None:
             outcome = _because(outcome, light.why)
         outcomes.append(outcome)
+        notes += _if_it_were_the_sun(known, tolerance)
         numbers.append(known)
         seen.append(looked)
     return Plan(
@@ -128,6 +91,19 @@ def plan_lights(
         notes=tuple(notes),
         rates=rates,
     )
+
+
+def _if_it_were_the_sun(known: LightNumbers, tolerance: float) -> list[str]:
+    """A note where parallel light has hard edges that those of the sun would not be."""
+    parallel = known.shape is None and known.kind == "directional"
+    if not parallel or known.width_p95 <= SUBPIXEL or known.soft_error < tolerance:
+        return []
+    return [
+        f"'{known.name}' is parallel; if it stands for the sun, {SUN_DEG:.2g} degrees across, "
+        f"penumbrae are {pixels(known.width_p50)} wide (5 % of edges above "
+        f"{pixels(known.width_p95)}) and hard edges change {percent(known.soft_error)} of the "
+        "light: give it a size then"
+    ]
 
 
 def _because(outcome: Outcome, why: str) -> Outcome:
@@ -180,111 +156,6 @@ def _surroundings(
         f"shades it; {percent(float(1 - open_[valid].mean()))} of the sky is hidden"
     )
     return Outcome((), (), (NotSimulated(None, "surroundings", why, error),)), cast
-
-
-def _numbers(
-    asked: SceneAsked,
-    light: LightAsked,
-    paths: probe.Paths | None,
-    part: np.ndarray,
-    tolerance: float,
-    force: str | None,
-) -> tuple[LightNumbers, LightSeen]:
-    """What is known of a light: no more than the decision needs."""
-    eye, frame, spec = asked.eye, light.frame, light.spec
-    valid, size = eye.valid, eye.size
-    pixels = round(float(valid.mean()) * asked.view.width * asked.view.height)
-    if paths is None or frame is None or not paths.facing.any():
-        nothing = np.zeros(size)
-        known = LightNumbers(spec.name, spec.kind, share=0.0, facing=0.0, faces=0, pixels=pixels)
-        return known, LightSeen(spec.name, nothing > 0, nothing)
-    known = LightNumbers(
-        name=spec.name,
-        kind=spec.kind,
-        shape=None if frame.area is None else frame.area.shape,
-        share=min(float(part[valid].mean()), 1.0),
-        facing=float(paths.facing[valid].mean()),
-        faces=frame.faces,
-        fov_deg=_field_of_view(frame) if frame.perspective else None,
-        pixels=pixels,
-        solid_angle=probe.solid_angle(frame, paths),
-        lone_convex=asked.lone_convex,
-    )
-    seen = LightSeen(spec.name, paths.facing.reshape(size), paths.cosine.reshape(size))
-    asked_for = force in ("hard", "soft", "all")
-    if force == "none" or (not asked_for and (known.share < tolerance or known.lone_convex)):
-        return known, seen
-    rays = light.rays()
-    look = probe.hard_look(paths, rays)
-    known = replace(
-        known,
-        shadowed=float((~look.lit)[paths.facing].mean()),
-        rays=look.rays,
-    )
-    seen = replace(seen, lit=look.lit.reshape(size))
-    if not asked.materials.opaque:
-        through = probe.transmission(paths, look, rays, asked.materials, asked.first_prim)
-        known = replace(
-            known,
-            transmitted=float((part * through.part)[valid].mean()),
-            refracted=float((part * through.refracted)[valid].mean()),
-            rays=known.rays + through.rays,
-        )
-    if frame.area is None:
-        return known, seen
-    return _with_penumbra(known, seen, asked, frame, paths, look, part, rays)
-
-
-def _with_penumbra(
-    known: LightNumbers,
-    seen: LightSeen,
-    asked: SceneAsked,
-    frame: LightFrame,
-    paths: probe.Paths,
-    look: probe.HardLook,
-    part: np.ndarray,
-    rays: LightRays,
-) -> tuple[LightNumbers, LightSeen]:
-    """The same with how wide penumbrae are."""
-    eye, area = asked.eye, frame.area
-    assert area is not None
-    scale = asked.view.width / eye.camera.width
-    ellipse = widths.light_ellipse(eye, area, paths, scale)
-    blockers = widths.find_blockers(frame, rays)
-    gaps = widths.widest_gaps(eye, frame, area, paths, blockers)
-    bound = 2 * gaps * widths.widest(ellipse)
-    edges = widths.shadow_edges(eye, paths, look, scale)
-    k = widths.gap_ratio(area, paths, look.stop)
-    if edges.dark.size:
-        some = edges.dark
-        u, v = ellipse
-        found = widths.width_across((u[:, some], v[:, some]), k[some], edges.across)
-        length = edges.length
-    else:
-        # Nothing that the probe resolves: what might be there, as if all of it were penumbra.
-        some = np.flatnonzero(bound > 0)
-        found = bound[some]
-        length = scale**2 * some.size / float(found.mean()) if some.size else 0.0
-    seen = replace(seen, widest=bound.reshape(eye.size))
-    known = replace(known, rays=known.rays + blockers.rays)
-    if not some.size:
-        return known, seen
-    p50, p95 = np.percentile(found, [50, 95])
-    return replace(
-        known,
-        edge_px=length,
-        contrast=min(float(part[some].mean()), 1.0),
-        width_p50=float(p50),
-        width_p95=float(p95),
-        width_mean=float(found.mean()),
-        umbra=widths.umbra_share(eye, paths.facing & ~look.lit, edges, ellipse, k, scale),
-    ), seen
-
-
-def _field_of_view(frame: LightFrame) -> float:
-    """Of the widest face, along its wider side, degrees."""
-    ends = np.arctan(frame.corner + frame.extent) - np.arctan(frame.corner)
-    return float(np.degrees(ends.max()))
 
 
 def _of_scene(asked: SceneAsked) -> list[Skipped]:

@@ -1,5 +1,6 @@
 """What is known of a light, and what is decided about it: plain numbers and words."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
@@ -25,7 +26,8 @@ class LightNumbers:
             nobody looked.
         edge_px: length of the hard shadow's edges, pixels.
         contrast: part of the light that comes from here, mean beside those edges.
-        width_p50, width_p95, width_mean: of penumbrae across those edges, pixels.
+        width_p50, width_p95, width_mean: of penumbrae across those edges, pixels; of parallel light
+            those that it had if it were the sun's.
         umbra: part of the hard shadow's pixels that stay dark.
         solid_angle: steradians, median over what it shines on.
         transmitted: part of the light that comes from here through transmissive surfaces and media.
@@ -59,9 +61,11 @@ class LightNumbers:
     def soft_error(self) -> float:
         """What hard edges in place of penumbrae would change, part of the light.
 
-        A hard edge is off by 1/4 within a linear penumbra, mean: edges x width / (4 pixels).
+        A hard edge is off by 1/4 within a penumbra, mean, where that is a straight ramp, which a
+        rectangle makes, and by 2 / (3 pi) where the light is round (A5 of docs/theory.md).
         """
-        return self.contrast * self.edge_px * self.width_mean / (4 * max(self.pixels, 1))
+        off = 0.25 if self.shape == "rectangle" else 2 / (3 * math.pi)
+        return off * self.contrast * self.edge_px * self.width_mean / max(self.pixels, 1)
 
     @property
     def shade(self) -> float:

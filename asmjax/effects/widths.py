@@ -10,6 +10,7 @@ as wide as that ellipse is across its edge.
 
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -141,6 +142,13 @@ def width_across(ellipse: Ellipse, k: np.ndarray, across: np.ndarray) -> np.ndar
     return 2 * k * np.where(np.any(across != 0, axis=0), told, widest(ellipse))
 
 
+def at_edges(ellipse: Ellipse, k: np.ndarray, edges: Edges) -> np.ndarray:
+    """Widths (m,) in pixels of the penumbrae at the dark pixels beside `edges`."""
+    u, v = ellipse
+    some = edges.dark
+    return width_across((u[:, some], v[:, some]), k[some], edges.across)
+
+
 def widest(ellipse: Ellipse) -> np.ndarray:
     """The longest half axis (n,): the larger singular value of the two vectors."""
     u, v = ellipse
@@ -162,7 +170,8 @@ def umbra_share(
         return 1.0
     lit = np.zeros(eye.valid.size, bool)
     lit[edges.light] = True
-    distance, nearest = distance_transform_edt(~lit.reshape(eye.size), return_indices=True)
+    found: Any = distance_transform_edt(~lit.reshape(eye.size), return_indices=True)
+    distance, nearest = found
     rows, columns = np.indices(eye.size)
     towards = np.stack([nearest[1] - columns, nearest[0] - rows]).reshape(2, -1).astype(float)
     length = distance.ravel()
@@ -213,12 +222,14 @@ def widest_gaps(
 ) -> np.ndarray:
     """The largest k (n,) of any blocker in the cone between a receiver and the light, 0 for none.
 
-    A blocker counts where it stands above the receiver's tangent plane, before it, and so near to
-    the ray from the centre that a ray from some point of the light may meet its texel.
+    A blocker counts where it stands above the receiver's tangent plane, before it, on the side to
+    which the light emits, and so near to the ray from the centre that a ray from some point of the
+    light may meet its texel.
     """
     start = frame.origin[:, None]
     facing = paths.facing
     receiver = np.where(facing, eye.world - start, 1.0)
+    before = np.asarray(area.emits_towards(blockers.points))
     found = _largest_gap(
         *(
             jnp.asarray(array, jnp.float32)
@@ -228,7 +239,7 @@ def widest_gaps(
                 np.where(facing, paths.distance, 1.0),
                 np.where(facing, paths.unit, 0.0),
                 blockers.points - start,
-                blockers.radius,
+                np.where(before, blockers.radius, 0.0),
                 area.radius,
             )
         ),

@@ -12,7 +12,7 @@ from asmjax.report.figures.board import save
 from asmjax.report.figures.edge_displacement import EdgePoint, draw_displacement
 from asmjax.report.figures.light_angles import AngleCurve, draw_light_angles
 from asmjax.report.measured import write_arrays
-from asmjax.report.outputs import ANALYSIS, SINGLE_RUN, WALKTHROUGH, remove
+from asmjax.report.outputs import ANALYSIS, PLAN, SINGLE_RUN, WALKTHROUGH, remove
 from asmjax.report.record import write_json
 
 _THEORY_STEPS = 177
@@ -28,7 +28,7 @@ def write_analysis(
     """
     report = report_of_analysis(result, seed)
     write_json(folder / "report.json", report)
-    remove(folder, (*SINGLE_RUN, *WALKTHROUGH, *ANALYSIS))
+    remove(folder, (*SINGLE_RUN, *WALKTHROUGH, *ANALYSIS, *PLAN))
     write_analysis_csv(folder / "methods.csv", report["methods"])
     if save_arrays:
         maps = {

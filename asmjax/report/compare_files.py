@@ -9,7 +9,7 @@ from asmjax.report.compare_result import ComparisonResult
 from asmjax.report.compare_table import write_trials_csv
 from asmjax.report.figures.board import save
 from asmjax.report.figures.fronts import BARS, FrontPanel, FrontPoint, Mark, draw_fronts
-from asmjax.report.outputs import ANALYSIS, COMPARISON, SINGLE_RUN, WALKTHROUGH, remove
+from asmjax.report.outputs import ANALYSIS, COMPARISON, PLAN, SINGLE_RUN, WALKTHROUGH, remove
 from asmjax.report.record import write_json
 from asmjax.report.table import MB, significant
 
@@ -24,7 +24,7 @@ def write_comparison(result: ComparisonResult, folder: Path, *, seed: int) -> di
     """
     report = report_of_comparison(result, seed)
     write_json(folder / "report.json", report)
-    remove(folder, (*SINGLE_RUN, *WALKTHROUGH, *ANALYSIS, *COMPARISON))
+    remove(folder, (*SINGLE_RUN, *WALKTHROUGH, *ANALYSIS, *COMPARISON, *PLAN))
     write_trials_csv(folder / "trials.csv", result)
     for samples in result.samples:
         save(draw_comparison(result, samples), folder / f"costs_{samples}.png")

@@ -7,7 +7,7 @@ import jax
 import numpy as np
 
 from asmjax.effects import Decision, LightSeen, Plan
-from asmjax.effects.records import percent
+from asmjax.effects.records import percent, pixels
 from asmjax.report.figures.board import save
 from asmjax.report.figures.plan import LightPanel, draw_plan
 from asmjax.report.figures.shading import shade
@@ -63,17 +63,17 @@ def panels(result: PlanResult) -> list[LightPanel]:
     drawn = []
     if not plan.numbers:
         whole = shade(albedo, np.ones(eye.size), valid, valid)
-        drawn.append(LightPanel("no light", "none that casts shadows", whole, None, ""))
+        drawn.append(LightPanel("no light", "none that casts shadows", whole))
     for numbers, seen in zip(plan.numbers, plan.seen, strict=True):
         decision = plan.decision(numbers.name)
         lit = seen.facing if seen.lit is None else seen.lit
         drawn.append(
             LightPanel(
                 title=_heading(decision),
-                small=_small(plan, seen, decision),
+                small=_small(seen, decision),
                 picture=shade(albedo, seen.cosine, lit, valid),
                 widest=seen.widest,
-                reason=f"{decision.reason}.",
+                widths=_widths(decision),
             )
         )
     return drawn
@@ -81,7 +81,7 @@ def panels(result: PlanResult) -> list[LightPanel]:
 
 def footnotes(plan: Plan) -> list[str]:
     """What is skipped and what is not simulated, for small print."""
-    notes = []
+    notes = [f"Note: {note}." for note in plan.notes]
     for title, items in (("Skipped", plan.skipped), ("Not simulated", plan.not_simulated)):
         named = [
             f"{item.effect}{f' of {item.light}' if item.light else ''} ({item.reason}"
@@ -97,13 +97,17 @@ def _heading(decision: Decision) -> str:
     return f"{decision.light}: {decision.kind}{f', {methods}' if methods else ''}"
 
 
-def _small(plan: Plan, seen: LightSeen, decision: Decision) -> str:
-    if seen.lit is None:
-        return "nobody looked for its shadow"
-    if seen.widest is None:
-        return "its hard shadow, as the probe sees it"
-    wide = f"{decision.width_p50:.3g} px, 95 % below {decision.width_p95:.3g}"
-    return f"hard shadow of its centre; penumbrae {wide}"
+def _small(seen: LightSeen, decision: Decision) -> str:
+    if seen.widest is not None:
+        return "shadow of its centre, as the probe sees it"
+    return decision.reason
+
+
+def _widths(decision: Decision) -> str:
+    """Of a light with a size."""
+    if decision.width_p95 == 0:
+        return "none at any edge"
+    return f"median {pixels(decision.width_p50)}, 95 % below {pixels(decision.width_p95)} at edges"
 
 
 def _title(plan: Plan) -> str:

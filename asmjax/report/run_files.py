@@ -17,7 +17,7 @@ from asmjax.report.measured import (
     truth_record,
     write_arrays,
 )
-from asmjax.report.outputs import ANALYSIS, WALKTHROUGH, remove
+from asmjax.report.outputs import ANALYSIS, PLAN, WALKTHROUGH, remove
 from asmjax.report.provenance import provenance
 from asmjax.report.record import map_summary, run_report, write_json
 from asmjax.report.table import write_csv
@@ -31,7 +31,7 @@ def write_results(result: RunResult, folder: Path, *, seed: int, save_arrays: bo
     """
     report = report_of(result, seed)
     write_json(folder / "report.json", report)
-    remove(folder, ("arrays.npz", *WALKTHROUGH, *ANALYSIS))
+    remove(folder, ("arrays.npz", *WALKTHROUGH, *ANALYSIS, *PLAN))
     write_csv(folder / "methods.csv", report["methods"])
     if save_arrays:
         write_arrays(

@@ -14,6 +14,7 @@ from asmjax.report.figures.tuning import Asked, Dot, Rival, TriedPanel, draw_tri
 from asmjax.report.outputs import (
     ANALYSIS,
     COMPARISON,
+    PLAN,
     SINGLE_RUN,
     TUNING,
     WALKTHROUGH,
@@ -41,7 +42,7 @@ def write_tuning(result: TuningResult, folder: Path, *, seed: int) -> dict:
     """
     report = report_of_tuning(result, seed)
     write_json(folder / "report.json", report)
-    remove(folder, (*SINGLE_RUN, *WALKTHROUGH, *ANALYSIS, *COMPARISON, *TUNING))
+    remove(folder, (*SINGLE_RUN, *WALKTHROUGH, *ANALYSIS, *COMPARISON, *TUNING, *PLAN))
     write_settings(folder / SETTINGS, result.algorithm)
     write_tried_csv(folder / "tried.csv", result)
     kinds = ("tried", "surrogate", *(["sensitivity"] if result.found.sensitivity else []))

@@ -14,7 +14,7 @@ from asmjax.report.figures.frames import (
 )
 from asmjax.report.figures.walkthrough import draw_walkthrough
 from asmjax.report.measured import light_parts, write_arrays
-from asmjax.report.outputs import ANALYSIS, SINGLE_RUN, WALKTHROUGH, remove
+from asmjax.report.outputs import ANALYSIS, PLAN, SINGLE_RUN, WALKTHROUGH, remove
 from asmjax.report.record import write_json
 from asmjax.report.walk_record import COMPLETE, WalkRecord, WalkSetting
 from asmjax.report.walk_table import write_frames_csv
@@ -46,7 +46,7 @@ class WalkFiles:
         """Take up the next frame."""
         number = result.input.number
         if number == 0:
-            remove(self._folder, (*SINGLE_RUN, *WALKTHROUGH, *ANALYSIS))
+            remove(self._folder, (*SINGLE_RUN, *WALKTHROUGH, *ANALYSIS, *PLAN))
         if self._save_arrays:
             path = self._folder / f"frame_{number:04d}.npz"
             write_arrays(path, result.input.eyes[0], result.truth, result.methods, {})

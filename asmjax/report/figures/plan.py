@@ -9,7 +9,15 @@ import numpy as np
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
-from asmjax.report.figures.board import CAPTION, EDGE, GAP, HEAD, Board, panel_size
+from asmjax.report.figures.board import (
+    CAPTION,
+    EDGE,
+    GAP,
+    HEAD,
+    Board,
+    columns_for,
+    panel_size,
+)
 from asmjax.report.figures.scales import (
     beyond,
     exponent_ticks,
@@ -17,15 +25,19 @@ from asmjax.report.figures.scales import (
     power_of_two,
     scale_limits,
 )
-from asmjax.report.figures.style import FAINT, hex_rgb, styled
+from asmjax.report.figures.style import hex_rgb, styled
 
-MOST_LIGHTS = 4
+MOST_LIGHTS = 6
 """Lights that are drawn; the report has all of them."""
 
-_TARGET = 520
-"""About how wide a panel is, in pixels."""
+_TARGET, _ALONE = 520, 860
+"""About how wide a panel is, in pixels, and the only one."""
 
-_BAR, _BAR_LABELS = 18, 84
+_BAR, _BAR_LABELS = 18, 104
+
+_LEAST = 900
+"""Least width in pixels of the panels together, for the sake of the small print."""
+
 _LETTER = 9.9
 """Mean width in pixels of a letter of small print."""
 
@@ -43,57 +55,68 @@ class LightPanel:
         picture: (height, width, 3) uint8, the probe's image with its hard shadow.
         widest: (height, width) the widest penumbra that a pixel may be in, pixels, 0 for none; None
             for a light without a size, or that nobody looked at.
-        reason: said in place of it.
+        widths: what is known of penumbrae at edges, in a line.
     """
 
     title: str
     small: str
     picture: np.ndarray
-    widest: np.ndarray | None
-    reason: str
+    widest: np.ndarray | None = None
+    widths: str = ""
 
 
 @styled
 def draw_plan(panels: Sequence[LightPanel], title: str, notes: Sequence[str] = ()) -> Figure:
-    """A row for each of the first `MOST_LIGHTS` lights, on one scale; below, `notes` in small
-    print: what is skipped, and what is not simulated."""
+    """The first `MOST_LIGHTS` lights: a row for each with the widths of penumbrae beside it, or all
+    in a grid where none has a size. Below, `notes` in small print: what is skipped and missing."""
     drawn = panels[:MOST_LIGHTS]
-    height, width = panel_size(*drawn[0].picture.shape[:2], _TARGET)
-    board_width = 2 * EDGE + 2 * width + GAP + GAP // 2 + _BAR + _BAR_LABELS
-    further = [panel.title for panel in panels[MOST_LIGHTS:]]
-    left_out = [f"Not drawn: {'; '.join(further)}."] if further else []
-    letters = int((board_width - 2 * EDGE) / _LETTER)
-    lines = [
-        line for note in (f"{title}.", *notes, *left_out) for line in textwrap.wrap(note, letters)
-    ]
-    board = Board(board_width, 2 * EDGE + len(drawn) * (HEAD + height + GAP) + len(lines) * CAPTION)
-    exponents = [None if p.widest is None else log2_or_nan(p.widest) for p in drawn]
-    every = np.concatenate([np.zeros(0), *(e.ravel() for e in exponents if e is not None)])
-    low, high = scale_limits(every, centred=False)
-    norm, colours = Normalize(low, high), matplotlib.colormaps["viridis"]
-    for row, (panel, values) in enumerate(zip(drawn, exponents, strict=True)):
-        y = EDGE + row * (HEAD + height + GAP)
-        right = EDGE + width + GAP
-        board.heading(EDGE, y, width, panel.title, panel.small)
-        axes = board.image(EDGE, y + HEAD, width, height, panel.picture, interpolation="nearest")
-        axes.set_label(panel.title)
-        if values is None:
-            wrapped = textwrap.wrap(panel.reason, int(0.9 * width / _LETTER))
-            for k, line in enumerate(wrapped):
-                board.text(right, y + HEAD + k * CAPTION, line, fontsize=8, color=FAINT)
-            continue
-        board.heading(
-            right, y, width, "Width of penumbrae, pixels", "the widest that a pixel may lie in"
-        )
-        none = ~np.isfinite(values)
-        image = colours(norm(np.where(none, low, values)), bytes=True)[..., :3].copy()
-        image[none] = hex_rgb(_NONE)
-        board.image(right, y + HEAD, width, height, image, interpolation="nearest")
-        ticks = {float(k): power_of_two(k) for k in exponent_ticks(low, high)}
-        bar = right + width + GAP // 2
-        board.scale_bar(
-            colours, norm, bar, y + HEAD, _BAR, height, ticks, beyond(values, low, high)
-        )
+    soft = any(panel.widest is not None for panel in drawn)
+    columns = 2 if soft else columns_for(len(drawn))
+    rows = len(drawn) if soft else -(-len(drawn) // columns)
+    target = _TARGET if columns > 1 else _ALONE
+    seen = drawn[0].picture
+    height, width = panel_size(seen.shape[0], seen.shape[1], target)
+    bar = GAP // 2 + _BAR + _BAR_LABELS if soft else 0
+    board_width = 2 * EDGE + max(columns * width + (columns - 1) * GAP + bar, _LEAST)
+    lines = _lines(panels, title, notes, board_width)
+    board = Board(board_width, 2 * EDGE + rows * (HEAD + height + GAP) + len(lines) * CAPTION)
+    for i, panel in enumerate(drawn):
+        row, column = (i, 0) if soft else divmod(i, columns)
+        x, y = EDGE + column * (width + GAP), EDGE + row * (HEAD + height + GAP)
+        board.heading(x, y, width, panel.title, panel.small)
+        picture = board.image(x, y + HEAD, width, height, panel.picture, interpolation="nearest")
+        picture.set_label(panel.title)
+    if soft:
+        _draw_widths(board, drawn, height, width)
     for k, line in enumerate(reversed(lines)):
         board.caption(line, k)
     return board.figure
+
+
+def _draw_widths(board: Board, panels: Sequence[LightPanel], height: int, width: int) -> None:
+    """The right column, on one scale."""
+    exponents = [None if p.widest is None else log2_or_nan(p.widest) for p in panels]
+    every = np.concatenate([values.ravel() for values in exponents if values is not None])
+    low, high = scale_limits(every, centred=False)
+    norm, colours = Normalize(low, high), matplotlib.colormaps["viridis"]
+    x = EDGE + width + GAP
+    for row, (panel, values) in enumerate(zip(panels, exponents, strict=True)):
+        if values is None:
+            continue
+        y = EDGE + row * (HEAD + height + GAP)
+        board.heading(x, y, width, "Widest penumbra a pixel may lie in", panel.widths)
+        none = ~np.isfinite(values)
+        image = colours(norm(np.where(none, low, values)), bytes=True)[..., :3].copy()
+        image[none] = hex_rgb(_NONE)
+        board.image(x, y + HEAD, width, height, image, interpolation="nearest")
+        ticks = {float(k): f"{power_of_two(k)} px" for k in exponent_ticks(low, high)}
+        ends = beyond(values, low, high)
+        board.scale_bar(colours, norm, x + width + GAP // 2, y + HEAD, _BAR, height, ticks, ends)
+
+
+def _lines(panels: Sequence[LightPanel], title: str, notes: Sequence[str], width: int) -> list[str]:
+    """Lines of small print that fit a board of that width."""
+    further = "; ".join(panel.title for panel in panels[MOST_LIGHTS:])
+    texts = [f"{title}.", *notes, *([f"Not drawn: {further}."] if further else [])]
+    letters = int((width - 2 * EDGE) / _LETTER)
+    return [line for text in texts for line in textwrap.wrap(text, letters)]

@@ -1,0 +1,57 @@
+"""What is planned for: a view of a scene and its lights, whoever casts the rays."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from asmjax.buffers import EyeBuffer, LightRays
+from asmjax.geometry import LightFrame
+from asmjax.scene.materials import Materials, Surroundings
+from asmjax.scene.spec import LightSpec, ViewSpec
+
+
+@dataclass(frozen=True, eq=False)
+class LightAsked:
+    """A light that is planned for.
+
+    Attributes:
+        spec: what it is.
+        frame: for what the probe sees; None where it shines on nothing there.
+        rays: makes what casts its rays, when they are needed.
+        why: there is no frame.
+    """
+
+    spec: LightSpec
+    frame: LightFrame | None
+    rays: Callable[[], LightRays]
+    why: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class SceneAsked:
+    """A view of a scene that is planned for.
+
+    Attributes:
+        name: of the scene.
+        view: at the size of the picture.
+        eye: the probe's image of it (`probe_size`).
+        lights: to plan for.
+        rays: against everything, for the surroundings.
+        first_prim: (n_shapes + 1,) first primitive of each shape, and their number.
+        materials: of the shapes.
+        surroundings: emitters all around.
+        lone_convex: whether one convex object is all there is.
+        moving: whether anything moves between frames.
+    """
+
+    name: str
+    view: ViewSpec
+    eye: EyeBuffer
+    lights: Sequence[LightAsked]
+    rays: LightRays
+    first_prim: np.ndarray
+    materials: Materials
+    surroundings: Sequence[Surroundings] = ()
+    lone_convex: bool = False
+    moving: bool = False
