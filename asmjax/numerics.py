@@ -44,6 +44,15 @@ def safe_sqrt(x):
     return jnp.where(bad, jnp.zeros_like(x), jnp.sqrt(jnp.where(bad, jnp.ones_like(x), x)))
 
 
+def power_below(x):
+    """The largest power of 2 that is at most abs(x); 0 below the normal numbers. No gradient."""
+    bits, exponent = (jnp.int32, 0x7F800000) if x.dtype == jnp.float32 else (
+        jnp.int64, 0x7FF0000000000000
+    )  # fmt: skip
+    whole = jax.lax.bitcast_convert_type(jax.lax.stop_gradient(x), bits)
+    return jax.lax.bitcast_convert_type(whole & jnp.asarray(exponent, bits), x.dtype)
+
+
 def dot(a, b):
     """Inner product over the first axis of component-first arrays `(3, ...)`."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]

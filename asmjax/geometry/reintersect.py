@@ -14,14 +14,15 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from asmjax.numerics import dot, safe_divide, safe_sqrt
+from asmjax.numerics import dot, power_below, safe_divide, safe_sqrt
 
 LANES = 1 << 14
 """Rays of one call: temporaries fit the processor's cache, and one shape is ever traced."""
 
 
 MEANT = 4.0
-"""Areas of fewer roundings than this say nothing: a triangle seen edge-on, or none."""
+"""Areas of fewer roundings than this say nothing: a triangle seen edge-on, or none. A side has a
+rounding of its distance at the least."""
 
 
 class Meeting(NamedTuple):
@@ -55,22 +56,26 @@ def meet_triangles(
     Corners and origin should be relative to a point near them: what cancels is lost before.
     """
     relative = [corner - origin for corner in (a, b, c)]
+    # In units of their distance, nothing that is met is so small that a gradient overflows; the
+    # unit is a power of 2, so that no digit changes.
+    unit = power_below(jnp.max(jnp.abs(jnp.stack(relative)), axis=(0, 1)))
+    unit = jnp.where(unit > 0, unit, 1)
     largest = jnp.argmax(jnp.abs(direction), axis=0)
     # The longest component of the direction becomes the axis; a turn keeps the orientation.
-    turned = [_turned(vector, largest) for vector in (direction, *relative)]
+    turned = [_turned(vector, largest) for vector in (direction, *(r / unit for r in relative))]
     (along_x, along_y, along), corners = turned[0], turned[1:]
     shear_x, shear_y = safe_divide(along_x, along), safe_divide(along_y, along)
     x, y, z = (jnp.stack([corner[k] for corner in corners]) for k in range(3))
     x, y = x - shear_x * z, y - shear_y * z
     sides, terms = _sides(x, y)
     area = sides[0] + sides[1] + sides[2]
-    rounding = jnp.finfo(area.dtype).eps * (terms[0] + terms[1] + terms[2])
-    least = jnp.finfo(area.dtype).tiny ** 0.5
-    met = (jnp.abs(area) > MEANT * rounding) & (rounding > least) & (jnp.abs(along) > least)
+    eps, least = jnp.finfo(area.dtype).eps, jnp.finfo(area.dtype).tiny ** 0.5
+    rounding = eps * jnp.maximum(terms[0] + terms[1] + terms[2], eps)
+    met = (jnp.abs(area) > MEANT * rounding) & (jnp.abs(along) > least)
     weights = jnp.where(met, sides, 1 / 3) / jnp.where(met, area, 1)
     along = jnp.where(met, along, 1)
     return Meeting(
-        t=jnp.where(met, dot(weights, z) / along, 0),
+        t=jnp.where(met, unit * (dot(weights, z) / along), 0),
         weights=weights,
         normal=_facing(direction, relative),
         inside=met & (jnp.all(sides >= 0, axis=0) | jnp.all(sides <= 0, axis=0)),
@@ -93,14 +98,18 @@ def _sides(x: Float[Array, "3 n"], y: Float[Array, "3 n"]) -> tuple[Array, Array
     """On which side of each edge the axis passes (3, n), opposite corners first: twice an area; and
     the size (3, n) of what cancels in it.
 
-    Rounding keeps the order of two products, so a side is never wrong, at worst 0, which counts as
-    inside; and it is the negative of what the other triangle gets. Both are lost where a compiler
-    fuses a product with the difference: the barrier keeps them apart.
+    The other triangle of an edge gets the negative, bit for bit: the two ends are put in order, so
+    that both compute the same, whether or not the compiler fuses a product with the difference.
     """
     first = jnp.roll(x, -1, axis=0), jnp.roll(y, -1, axis=0)
     last = jnp.roll(x, -2, axis=0), jnp.roll(y, -2, axis=0)
-    one, other = jax.lax.optimization_barrier((first[0] * last[1], first[1] * last[0]))
-    return one - other, jnp.abs(one) + jnp.abs(other)
+    turned = (first[0] > last[0]) | ((first[0] == last[0]) & (first[1] > last[1]))
+    alike = (first[0] == last[0]) & (first[1] == last[1])
+    low = [jnp.where(turned, end, begin) for begin, end in zip(first, last, strict=True)]
+    high = [jnp.where(turned, begin, end) for begin, end in zip(first, last, strict=True)]
+    one, other = low[0] * high[1], low[1] * high[0]
+    side = jnp.where(turned, -1, 1) * (one - other)
+    return jnp.where(alike, 0, side), jnp.abs(one) + jnp.abs(other)
 
 
 def _facing(direction, relative) -> Float[Array, "3 n"]:

@@ -2,22 +2,40 @@
 
 import os
 import re
+import subprocess
+import sys
+from pathlib import Path
 
 import pytest
 from helpers.mitsuba_scenes import REAL_SCENES
 
 from asmjax.errors import UseError
+from asmjax.render import untrusted
 from asmjax.render.untrusted import Trial, check_meshes, examine, shipped_plugins
 from asmjax.scene.scan import scan
 from hostile.building import BALL, mesh_scene, mesh_xml, obj, parts_scene, ply, text_ply
 from hostile.corpus import CORPUS
-from hostile.watching import opened_files
+from hostile.watching import Opens, listener, opened_files
 
 pytestmark = pytest.mark.timeout(60)  # what waits for a FIFO waits for ever
 
 
 @pytest.fixture(scope="module")
-def trial():
+def opens(tmp_path_factory):
+    """What native code of the child opens; None where nothing can listen."""
+    folder = tmp_path_factory.mktemp("listener")
+    environment = listener(folder)
+    if environment is None:
+        yield None
+        return
+    before = untrusted._environment
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(untrusted, "_environment", lambda: before() | environment)
+        yield Opens(folder / "opens")
+
+
+@pytest.fixture(scope="module")
+def trial(opens):
     with Trial() as child:
         yield child
 
@@ -39,19 +57,47 @@ def test_there_are_enough():
 
 
 @pytest.mark.parametrize("name", CORPUS)
-def test_hostile_scene(name, places, trial):
-    """Refused in one line that names what is wrong, tells no content, and opens nothing outside."""
+def test_hostile_scene(name, places, trial, opens):
+    """Refused in one line that names what is wrong, tells no content, and opens nothing outside,
+    neither here nor in the child."""
     folder, outside = places
     case = CORPUS[name]
     path = case.make(folder, outside)
+    if opens is not None:
+        opens.forget()
     with opened_files() as opened, pytest.raises(UseError) as problem:
         examine(path, trial)
     message = str(problem.value)
     assert re.search(case.says, message), message
     assert "\n" not in message and len(message) < 700 and message.isprintable()
     assert "the secret" not in message
-    foreign = (str(outside), "/etc", "/dev", "/proc")
-    assert not [x for x in opened if x.startswith(foreign) and x != os.devnull]
+    assert not foreign(opened, outside)
+    if opens is not None:
+        assert not foreign(opens.paths(), outside)
+
+
+def foreign(opened: list[str], outside: Path) -> list[str]:
+    """What of these no scene may have opened."""
+    places = (str(outside), "/etc", "/dev", "/proc")
+    own = (os.devnull, "/proc/self", "/proc/meminfo")
+    return [path for path in opened if path.startswith(places) and not path.startswith(own)]
+
+
+def test_native_opens_are_heard(places, trial, opens):
+    """A child that was let loose on a file outside is found: what the tests above rely on."""
+    if opens is None:
+        pytest.skip("no C compiler: gcc or cc")
+    folder, outside = places
+    opens.forget()
+    path = mesh_scene(folder, ply())
+    trial.load(path, 1000)
+    assert str(folder / "mesh.ply") in opens.paths()
+    text = path.read_text().replace("mesh.ply", str(outside / "mesh.ply"))
+    code = f"import mitsuba as mi; mi.set_variant('scalar_rgb'); mi.load_string({text!r})"
+    subprocess.run(
+        [sys.executable, "-c", code], env=untrusted._environment(), check=True, capture_output=True
+    )
+    assert str(outside / "mesh.ply") in foreign(opens.paths(), outside)
 
 
 HARMLESS = {
