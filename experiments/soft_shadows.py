@@ -25,7 +25,7 @@ from asmjax.scene.lights import light_frame
 from asmjax.scene.spec import ViewSpec
 from asmjax.shadow import (
     MomentShadowMap,
-    PercentageCloserSoftShadowMap,
+    PCSSShadowMap,
     ShadowAlgorithm,
     UniformShadowMap,
 )
@@ -51,7 +51,7 @@ def measured(pixels: int, resolution: int) -> tuple[EyeBuffer, np.ndarray, dict[
     truth = np.where(eye.shape == 0, scene.soft_visibility(x, y), 1.0)
     maps: list[ShadowAlgorithm] = [
         UniformShadowMap(resolution),
-        PercentageCloserSoftShadowMap(resolution),
+        PCSSShadowMap(resolution),
         MomentShadowMap(resolution),
     ]
     found = {}
@@ -73,7 +73,7 @@ def draw(eye: EyeBuffer, truth: np.ndarray, found: dict[str, tuple]) -> Figure:
     columns, bar = 1 + len(found), 96
     board = Board(
         2 * EDGE + columns * width + (columns - 1) * GAP + bar,
-        2 * EDGE + 2 * HEAD + 2 * height + GAP + CAPTION,
+        2 * EDGE + 2 * HEAD + 2 * height + GAP + 2 * CAPTION,
     )
     judged = eye.shape == 0
     below = EDGE + HEAD + height + GAP
@@ -96,9 +96,10 @@ def draw(eye: EyeBuffer, truth: np.ndarray, found: dict[str, tuple]) -> Figure:
         board.heading(x, below, width, "error", f"largest {largest:.3f}")
         axes = board.image(x, below + HEAD, width, height, error, cmap="PuOr_r", norm=norm)
         axes.set_facecolor("#A3A3A3")
+    ticks = {v: f"{v:+.1f}" if v else "0" for v in np.array([-1, -0.5, 0, 0.5, 1]) * WIDEST}
     board.scale_bar(
-        axes.images[0].cmap, norm, board.width - EDGE - bar + 24, below + HEAD, 18, height,
-        {v: f"{v:+.1f}" for v in (-WIDEST, -WIDEST / 2, 0.0, WIDEST / 2, WIDEST)}, extend="both",
+        axes.images[0].cmap, norm, board.width - EDGE - bar + 24, below + HEAD, 18, height, ticks,
+        extend="both",
     )  # fmt: skip
     board.caption(
         f"A disk of radius 1 at {OCCLUDER:g} below a round light of radius {LIGHT_HALF:g} at "
@@ -108,7 +109,7 @@ def draw(eye: EyeBuffer, truth: np.ndarray, found: dict[str, tuple]) -> Figure:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--smoke", action="store_true", help="small sizes, a few seconds")
     parser.add_argument("--out", default="experiments/results/soft.png", help="picture to write")
     options = parser.parse_args()

@@ -1,6 +1,7 @@
 """Percentage-closer soft shadows against closed forms, and where they are known to be wrong."""
 
 from dataclasses import replace
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -25,7 +26,7 @@ from asmjax.geometry import disk_light, rectangle_light, sphere_light, sun_light
 from asmjax.scene.analytic_rays import AnalyticRays
 from asmjax.scene.closed_forms import half_plane_square_visibility
 from asmjax.scene.spec import LightSpec, Rectangle, Sphere, ViewSpec
-from asmjax.shadow import PercentageCloserSoftShadowMap, UniformShadowMap
+from asmjax.shadow import PCSSShadowMap, UniformShadowMap
 from asmjax.shadow.soft.light_taps import taps_of
 
 SIDE = 96
@@ -45,7 +46,7 @@ def asked(algorithm, case):
 def test_ramp_of_a_half_plane(half, height):
     """As wide as in truth but for a texel, for all sizes of light and heights of the blocker."""
     case = soft_case("a5_square", SIDE, half, height)
-    algorithm = PercentageCloserSoftShadowMap(256)
+    algorithm = PCSSShadowMap(256)
     state, lit = asked(algorithm, case)
     texel = texel_on_receiver(case, 256, state.margin)
     width = penumbra(half, height)
@@ -60,7 +61,7 @@ def test_squares_and_disks_are_as_in_closed_form(name, dtype):
     """One depth of blockers, parallel to light and receiver; of the square, edges lie along texels
     and are all off by the same part of one."""
     case = soft_case(name, SIDE)
-    _, lit = asked(PercentageCloserSoftShadowMap(256, filter_taps=256), case)
+    _, lit = asked(PCSSShadowMap(256, filter_taps=256), case)
     assert lit.dtype == dtype
     assert mean_error(case, lit) < (0.008 if name == "a2" else 0.004)
     hard = UniformShadowMap(256)
@@ -73,7 +74,7 @@ def test_a_sun_is_a_disk_at_every_distance():
     direction = (0.0, 0.0, -1.0)
     light = LightSpec("sun", "directional", direction=direction, area=sun_light(direction, 0.2))
     case = traced_soft_case(shapes, replace(ABOVE, target=(0.5, 0.0, 0.0)), light)
-    _, lit = asked(PercentageCloserSoftShadowMap(256, filter_taps=256), case)
+    _, lit = asked(PCSSShadowMap(256, filter_taps=256), case)
     assert mean_error(case, lit) < 0.005
     inside = case.judged & (lit > 0.02) & (lit < 0.98)
     assert np.ptp(case.eye.world[0, inside]) == pytest.approx(4 * np.tan(0.1), abs=0.06)
@@ -89,7 +90,7 @@ def test_lights_that_are_not_along_the_map(shape):
         area = rectangle_light(place, (0.0, 0.5, 0.0), (0.4, 0.0, 0.3))
     light = LightSpec("lamp", "point", position=place, area=area)
     case = traced_soft_case((FLOOR, ball), ABOVE, light)
-    _, lit = asked(PercentageCloserSoftShadowMap(256, filter_taps=256), case)
+    _, lit = asked(PCSSShadowMap(256, filter_taps=256), case)
     soft = mean_error(case, lit)
     assert soft < 0.006
     assert soft < 0.3 * mean_error(case, asked(UniformShadowMap(256), case)[1])
@@ -103,7 +104,7 @@ def test_a_plane_alone_is_lit_all_over(tilt_deg):
     area = square_light(0.4).at(place)
     light = LightSpec("lamp", "point", position=place, area=area)
     case = traced_soft_case((FLOOR,), ABOVE, light, 1)
-    _, lit = asked(PercentageCloserSoftShadowMap(128), case)
+    _, lit = asked(PCSSShadowMap(128), case)
     assert (lit[case.eye.valid] == 1).all()
 
 
@@ -112,7 +113,7 @@ def test_contact_hardens():
     widths = []
     for height in (0.4, 0.8, 1.6):
         case = soft_case("a5_square", SIDE, 0.5, height)
-        _, lit = asked(PercentageCloserSoftShadowMap(512), case)
+        _, lit = asked(PCSSShadowMap(512), case)
         widths.append(ramp_width(case, lit))
     expected = [penumbra(0.5, height) for height in (0.4, 0.8, 1.6)]
     np.testing.assert_allclose(widths, expected, atol=0.02)
@@ -120,8 +121,9 @@ def test_contact_hardens():
 
 def test_a_light_that_shrinks_is_a_point():
     case = soft_case("a4", SIDE, 1e-5)
-    state, lit = asked(PercentageCloserSoftShadowMap(256), case)
-    assert set(np.unique(lit)) <= {0.0, 1.0} and (state.margin < 1e-4).all()
+    state, lit = asked(PCSSShadowMap(256), case)
+    assert state.margin is not None and (state.margin < 1e-4).all()
+    assert set(np.unique(lit)) <= {0.0, 1.0}
     _, hard = asked(UniformShadowMap(256), case)
     assert (lit != hard).mean() < 0.002
 
@@ -146,12 +148,12 @@ def two_edges():
 
 
 def test_blockers_of_two_depths_are_known_to_be_wrong():
-    """The mean of their depths is that of neither: off by a fifth in places, beside 1 / 20 of one
-    blocker; a warning, not a promise."""
+    """The mean of their depths is that of neither: off by almost a half in places, beside 1 / 20
+    with one blocker; a warning, not a promise."""
     case = two_edges()
-    _, lit = asked(PercentageCloserSoftShadowMap(512, filter_taps=256), case)
+    _, lit = asked(PCSSShadowMap(512, filter_taps=256), case)
     worst = np.abs(lit - case.expected)[case.judged].max()
-    assert 0.1 < worst < 0.5
+    assert 0.3 < worst < 0.5
     assert mean_error(case, lit) < 0.1
 
 
@@ -162,14 +164,14 @@ def test_maps_go_on_beyond_the_image():
     view = ViewSpec("v", (0.0, 0.0, 4.0), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 30.0, SIDE, SIDE)
     case = traced_soft_case((FLOOR, roof), view, light)
     assert case.expected[case.judged].min() < 0.9
-    _, lit = asked(PercentageCloserSoftShadowMap(256), case)
+    _, lit = asked(PCSSShadowMap(256), case)
     assert mean_error(case, lit) < 0.02
 
 
 def test_verbs_under_a_light_with_a_size():
     """Costs are those of the arrays, rays those that were cast, and nothing is traced again."""
     case = soft_case("a4", SIDE)
-    algorithm = PercentageCloserSoftShadowMap(128, compare="both", keep=True)
+    algorithm = PCSSShadowMap(128, compare="both", keep=True)
     rays = CountingRays(case.rays)
     state = algorithm.build(case.eye, case.frame, rays)
     cost = algorithm.cost(state)
@@ -182,6 +184,7 @@ def test_verbs_under_a_light_with_a_size():
     box = np.array([[[-9.0, 9.0]] * 3])
     empty = algorithm.update(kept, case.eye, case.frame, AnalyticRays(case.shapes[:1]), moved=box)
     assert np.asarray(algorithm.visibility(empty, case.eye.points)).min() == 1
+    assert state.margin is not None
     wide = 1 + 2 * state.margin
     density = np.asarray(algorithm.density(state, case.eye.points))
     np.testing.assert_allclose(density[0, 0].max(), 128 / wide[0, 0], rtol=1e-6)
@@ -215,7 +218,7 @@ def test_precisions_agree():
     lit = []
     for double in (False, True):
         with jax.enable_x64(double):
-            lit.append(asked(PercentageCloserSoftShadowMap(128), soft_case("a4", SIDE))[1])
+            lit.append(asked(PCSSShadowMap(128), soft_case("a4", SIDE))[1])
     assert np.abs(lit[0] - lit[1]).mean() < 2e-3 and np.median(np.abs(lit[0] - lit[1])) == 0
 
 
@@ -232,8 +235,9 @@ def test_taps_are_spread_evenly(count):
 
 
 def test_wrong_use_is_refused():
-    for settings in (
+    wrong: list[dict[str, Any]] = [
         {"resolution": 0}, {"filter_taps": 0}, {"blocker_taps": 2**20}, {"bias": -1.0},
-    ):  # fmt: skip
+    ]  # fmt: skip
+    for settings in wrong:
         with pytest.raises(UseError, match="allowed"):
-            PercentageCloserSoftShadowMap(**settings)
+            PCSSShadowMap(**settings)

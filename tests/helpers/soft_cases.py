@@ -7,7 +7,12 @@ import numpy as np
 
 from asmjax.geometry import AreaLight, rectangle_light
 from asmjax.scene.analytic_rays import AnalyticRays, analytic_eye, scene_bounds
-from asmjax.scene.analytic_scenes import a2_square_light, a4_disc_light, a5_half_plane
+from asmjax.scene.analytic_scenes import (
+    PlaneFunction,
+    a2_square_light,
+    a4_disc_light,
+    a5_half_plane,
+)
 from asmjax.scene.closed_forms import half_plane_square_visibility
 from asmjax.scene.lights import light_frame
 from asmjax.scene.soft_visibility import analytic_soft_visibility
@@ -35,11 +40,7 @@ def soft_case(name: str, side: int, half: float = 0.6, occluder_height: float = 
     light, soft = scene.soft_light(), scene.soft_visibility
     if name == "a5_square":
         light = replace(light, area=square_light(half))
-        width = penumbra(half, occluder_height)
-
-        def soft(x, y):
-            return half_plane_square_visibility(x, width) + 0 * y
-
+        soft = square_ramp(penumbra(half, occluder_height))
     view = next(iter(scene.spec.views.values())).resized(side, side)
     case = case_of(scene, scene.spec.shapes, view, light)
     x, y, _ = np.where(case.eye.valid, case.eye.world, 0.0)
@@ -47,14 +48,20 @@ def soft_case(name: str, side: int, half: float = 0.6, occluder_height: float = 
     return replace(case, judged=case.eye.shape == 0, expected=soft(x, y))
 
 
+def square_ramp(width: float) -> PlaneFunction:
+    """Of the half-plane x < 0 below a square light."""
+    return lambda x, y: half_plane_square_visibility(x, width) + 0 * y
+
+
 def penumbra(half: float, occluder_height: float) -> float:
     """Width of the penumbra of a straight edge below a square light."""
     return 2 * half * occluder_height / (HEIGHT - occluder_height)
 
 
-def texel_on_receiver(case: Case, resolution: int, margin: np.ndarray) -> float:
+def texel_on_receiver(case: Case, resolution: int, margin: np.ndarray | None = None) -> float:
     """The longer side of a texel on z = 0, for light straight from above; scene units."""
-    extent = case.frame.extent * (1 + 2 * margin) / resolution
+    wide = 1 if margin is None else 1 + 2 * margin
+    extent = case.frame.extent * wide / resolution
     return float(extent.max()) * (HEIGHT if case.frame.perspective else 1.0)
 
 

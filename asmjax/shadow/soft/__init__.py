@@ -2,6 +2,6 @@
 
 from asmjax.shadow.soft.accumulated import AccumulatedShadowMap
 from asmjax.shadow.soft.moments import MomentShadowMap
-from asmjax.shadow.soft.pcss import PercentageCloserSoftShadowMap
+from asmjax.shadow.soft.pcss import PCSSShadowMap
 
-__all__ = ["AccumulatedShadowMap", "MomentShadowMap", "PercentageCloserSoftShadowMap"]
+__all__ = ["AccumulatedShadowMap", "MomentShadowMap", "PCSSShadowMap"]

@@ -28,7 +28,7 @@ ALPHA = {"float32": 1e-6, "float64": 1e-8}
 
 Moments of one or two depths lie on the border of what is possible, and rounding puts them beyond.
 With depths in [-1, 1] the worst of 20,000 single depths is right to 3 digits at a distance of 5 %
-from here on; with depths in [0, 1] float32 needs 3e-5 (docs/theory.md, "Moment shadow maps")."""
+from here on (docs/theory.md, "Moment shadow maps")."""
 
 CENTRAL = (0.0, 0.375, 0.0, 0.375)
 """Moments well inside of what is possible."""

@@ -32,7 +32,6 @@ class Seen(NamedTuple):
         centre, axis_u, axis_v: three rows each, numbers or (n,); scene units, tangents of a sun.
         place: u and v rows (n,) of the receiver in plane coordinates.
         depth: (n,) of the receiver.
-        emits: (n,) whether it is on the side that emits.
     """
 
     centre: list
@@ -40,7 +39,6 @@ class Seen(NamedTuple):
     axis_v: list
     place: list
     depth: Float[Array, " n"]
-    emits: Bool[Array, " n"]
 
 
 def taps_of(area: AreaLight, count: int) -> np.ndarray:
@@ -74,14 +72,9 @@ def seen(frame: LightFrame, area: AreaLight, receivers: Receivers) -> Seen:
     corner, extent = cast(frame.corner), cast(frame.extent)
     place = [of_face(corner[:, k]) + receivers.uv[k] * of_face(extent[:, k]) for k in range(2)]
     depth, zero = receivers.depth, jnp.zeros((), dtype)
-    emits = jnp.ones_like(receivers.facing)
     if area.shape == "sphere":
-        return Seen(*_disk_of_sphere(in_axes(area.half_u), place, depth), place, depth, emits)
-    axis_u, axis_v = in_axes(area.half_u), in_axes(area.half_v)
-    if area.is_flat:
-        across = in_axes(area.normal)
-        emits = across[0] * place[0] + across[1] * place[1] + across[2] > 0
-    return Seen([zero] * 3, axis_u, axis_v, place, depth, emits)
+        return Seen(*_disk_of_sphere(in_axes(area.half_u), place, depth), place, depth)
+    return Seen([zero] * 3, in_axes(area.half_u), in_axes(area.half_v), place, depth)
 
 
 def _disk_of_sphere(half, place, depth):

@@ -136,7 +136,7 @@ def _visibility(
     # What is below the horizon may be what is blocked, too.
     above = share_above(horizon(light, frame, receivers), jnp.asarray(taps, dtype))
     lit = jnp.minimum(1 - jnp.where(share > 0, dark, 0), above)
-    return jnp.where(receivers.facing & light.emits, lit, 0)
+    return jnp.where(receivers.facing, lit, 0)
 
 
 def _asked(

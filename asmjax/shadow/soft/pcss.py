@@ -19,7 +19,7 @@ MOST_TAPS = 2**12
 """Taps of a search or a filter, at most."""
 
 
-class PercentageCloserSoftShadowMap(WideShadowMap):
+class PCSSShadowMap(WideShadowMap):
     """Fernando 2005: a flat map, asked three times for each receiver.
 
     1. Where rays to the light pass at the depth of the nearest caster, texels that shade the
@@ -91,6 +91,7 @@ def _visibility(
     receivers = project(points, texels.frame, offset)
     dtype = points.position.dtype
     blocker_taps, filter_taps = (jnp.asarray(table, dtype) for table in taps)
+    assert texels.frame.area is not None
     light = seen(texels.frame, texels.frame.area, receivers)
     none = jnp.zeros_like(receivers.depth)
 
@@ -120,4 +121,4 @@ def _visibility(
 
     lit, _ = jax.lax.scan(pass_through, none, filter_taps)
     lit = lit / filter_taps.shape[0]
-    return jnp.where(receivers.facing & light.emits, lit, 0)
+    return jnp.where(receivers.facing, lit, 0)
