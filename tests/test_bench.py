@@ -109,6 +109,9 @@ class Varying(ShadowAlgorithm[Held]):
         CLOCK.pass_time(1.0)
         return state.algorithm.visibility(state.state, points)
 
+    def around(self, state: Held, points):
+        raise NotImplementedError
+
     def density(self, state: Held, points):
         return state.algorithm.density(state.state, points)
 

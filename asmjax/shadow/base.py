@@ -15,6 +15,7 @@ from jaxtyping import Array, Float, Float64
 from asmjax.buffers import EyeBuffer, LightRays, SurfacePoints
 from asmjax.geometry import LightFrame
 from asmjax.memory import Memory
+from asmjax.shadow.neighbourhood import Neighbourhood
 
 State = TypeVar("State")
 
@@ -159,6 +160,11 @@ class ShadowAlgorithm(eqx.Module, Generic[State]):
     def visibility(self, state: State, points: SurfacePoints) -> Float[Array, " n"]:
         """1 where a point is lit; 0 where it is in shadow, not valid, or answered by no texel, as
         points may be that the state's view does not see."""
+
+    @abc.abstractmethod
+    def around(self, state: State, points: SurfacePoints) -> Neighbourhood:
+        """The texels around each point, for filters of this map. Nothing is made before it is asked
+        for."""
 
     @abc.abstractmethod
     def density(self, state: State, points: SurfacePoints) -> Float[Array, "2 2 n"]:

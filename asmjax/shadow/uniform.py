@@ -9,7 +9,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, UInt16
+from jaxtyping import Array, Bool, Float, Int, UInt16
 
 from asmjax.buffers import (
     EyeBuffer,
@@ -21,7 +21,6 @@ from asmjax.buffers import (
     whole_image,
 )
 from asmjax.errors import require
-from asmjax.footprint import straddles_discontinuity
 from asmjax.geometry import LightFrame
 from asmjax.memory import Memory
 from asmjax.shadow.base import (
@@ -40,6 +39,7 @@ from asmjax.shadow.comparison import (
     stored,
     texel_bytes,
 )
+from asmjax.shadow.neighbourhood import Neighbourhood, Step, beside, is_own
 
 LARGEST = 2**15
 """Texels a side of the largest flat map."""
@@ -134,6 +134,13 @@ class UniformShadowMap(ShadowAlgorithm[UniformState]):
             self.resolution, self.bias,
         )  # fmt: skip
 
+    def around(self, state: UniformState, points: SurfacePoints) -> "FlatNeighbourhood":
+        offset = light_offset(points, state.frame)
+        place = _placed(points, state.frame, offset, self.resolution)
+        return FlatNeighbourhood(
+            *place, state.depth, state.prim, self.bias, self.resolution, state.frame.perspective
+        )
+
     def density(self, state: UniformState, points: SurfacePoints) -> Float[Array, "2 2 n"]:
         receivers = project(points, state.frame, light_offset(points, state.frame))
         texels = jnp.where(receivers.facing, self.resolution, 0)
@@ -188,41 +195,59 @@ def _texel(uv, resolution):
     return index, at - index
 
 
-def _outcome(depth, prim, receivers, texel, offset, resolution, bias, perspective):
-    n = resolution
-    flat = (receivers.face * n + texel[1]) * n + texel[0]
-    return lit_by_texel(
-        receivers,
-        offset / n,
-        1 / n,
-        None if depth is None else depth[flat],
-        None if prim is None else prim[flat],
-        bias=bias,
-        perspective=perspective,
-    )
+class FlatNeighbourhood(Neighbourhood):
+    """Texels of a flat map; what is beyond a face's border is its last texel.
+
+    Attributes:
+        texel: (2, n) int32 column and row of the texel that each point lies in.
+        depth, prim: of all texels, as `UniformState` has them.
+    """
+
+    receivers: Receivers
+    texel: Int[Array, "2 n"]
+    fraction: Float[Array, "2 n"]
+    depth: Float[Array, " texels"] | None
+    prim: UInt16[Array, " texels"] | None
+    bias: float
+    resolution: int = eqx.field(static=True)
+    perspective: bool = eqx.field(static=True)
+
+    def lit(
+        self, columns: Step = 0, rows: Step = 0, *, most: int | None = None
+    ) -> Bool[Array, " n"]:
+        n, (column, row), offset = self.resolution, self.texel, 0.5 - self.fraction
+        if not is_own(columns, rows):
+            column, row = beside(column, columns, n - 1), beside(row, rows, n - 1)
+            offset = (jnp.stack([column, row]) - self.texel) + offset
+        flat = (self.receivers.face * n + row) * n + column
+        return lit_by_texel(
+            self.receivers,
+            offset / n,
+            1 / n,
+            None if self.depth is None else self.depth[flat],
+            None if self.prim is None else self.prim[flat],
+            bias=self.bias,
+            perspective=self.perspective,
+        )
+
+
+def _place(points, frame, offset, resolution: int):
+    """Receivers, and the integer texels (2, n) and fractions of it that they lie in."""
+    receivers = project(points, frame, offset)
+    return receivers, *_texel(receivers.uv, resolution)
+
+
+_placed = eqx.filter_jit(_place)
 
 
 @eqx.filter_jit
 def _visibility(frame, depth, prim, points, offset, resolution: int, bias):
-    receivers = project(points, frame, offset)
-    texel, fraction = _texel(receivers.uv, resolution)
-    lit = _outcome(
-        depth, prim, receivers, texel, 0.5 - fraction, resolution, bias, frame.perspective
-    )
-    return lit.astype(points.position.dtype)
+    place = _place(points, frame, offset, resolution)
+    around = FlatNeighbourhood(*place, depth, prim, bias, resolution, frame.perspective)
+    return around.lit().astype(points.position.dtype)
 
 
 @eqx.filter_jit
 def _straddling(perspective: bool, depth, prim, receivers, resolution: int, bias):
-    texel, fraction = _texel(receivers.uv, resolution)
-    side = jnp.where(fraction >= 0.5, 1, -1)
-    outcomes = []
-    for dy in (0, 1):
-        for dx in (0, 1):
-            step = side * jnp.array([[dx], [dy]])
-            tap = jnp.clip(texel + step, 0, resolution - 1)
-            offset = (tap - texel) + 0.5 - fraction
-            outcomes.append(
-                _outcome(depth, prim, receivers, tap, offset, resolution, bias, perspective)
-            )
-    return straddles_discontinuity(outcomes) & receivers.facing
+    place = receivers, *_texel(receivers.uv, resolution)
+    return FlatNeighbourhood(*place, depth, prim, bias, resolution, perspective).straddles()

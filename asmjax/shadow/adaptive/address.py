@@ -59,11 +59,12 @@ def address_of(points: SurfacePoints, anchor: Anchor, receivers: Receivers, pers
         # Computed once: XLA's CPU backend would form it anew for everything made of it.
         scaled = jax.lax.optimization_barrier([x * scale, y * scale])
         (x, rest_x), (y, rest_y) = (_fixed_point(along, facing) for along in scaled)
-    rests = (_below_1(rest.astype(dtype)) for rest in (rest_x, rest_y))
+    rests = (below_1(rest.astype(dtype)) for rest in (rest_x, rest_y))
     return Address(x, y, *rests)
 
 
-def _below_1(x):
+def below_1(x):
+    """`x` (below or at 1, by rounding) kept below it."""
     return jnp.minimum(x, 1 - jnp.finfo(x.dtype).epsneg)
 
 
@@ -98,3 +99,9 @@ def centre_offset(
             for i, at, rest in parts
         ]
     )
+
+
+def inverse_power(log2, dtype):
+    """2**-log2, from the bits of the exponent."""
+    bits = jax.lax.bitcast_convert_type((127 - log2) << 23, jnp.float32)
+    return bits.astype(dtype)

@@ -19,6 +19,7 @@ from asmjax.errors import require
 from asmjax.geometry import LightFrame
 from asmjax.memory import Memory
 from asmjax.shadow.adaptive.address import address_of
+from asmjax.shadow.adaptive.around import PagedNeighbourhood, placed
 from asmjax.shadow.adaptive.attention import compile_attention
 from asmjax.shadow.adaptive.cost_model import CostModel, calibrate
 from asmjax.shadow.adaptive.look import MEASURES, Goals, compile_looks
@@ -249,6 +250,14 @@ class AdaptiveShadowMap(ShadowAlgorithm[AdaptiveState]):
 
     def visibility(self, state: AdaptiveState, points: SurfacePoints) -> Float[Array, " n"]:
         return _visibility(*self._query(state, points), shape=state.shape)
+
+    def around(self, state: AdaptiveState, points: SurfacePoints) -> PagedNeighbourhood:
+        *query, bias = self._query(state, points)
+        fraction, receivers, address, entry = placed(*query, shape=state.shape)
+        return PagedNeighbourhood(
+            fraction, receivers, address, entry, state.tree, bias,
+            state.shape, state.frame.perspective,
+        )  # fmt: skip
 
     def lookup(self, state: AdaptiveState, points: SurfacePoints):
         """Visibility (n,), and log2 of the effective resolution (n,) that answered.

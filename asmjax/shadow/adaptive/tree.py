@@ -14,7 +14,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, UInt16
 
 from asmjax.buffers import Receivers
-from asmjax.shadow.adaptive.address import Address, centre_offset, index_at
+from asmjax.shadow.adaptive.address import Address, centre_offset, index_at, inverse_power
 from asmjax.shadow.adaptive.page_table import find_entries, level_of, page_of, take
 from asmjax.shadow.adaptive.shape import GUARD, TreeShape
 from asmjax.shadow.comparison import Compare, lit_by_texel, pack_prim, stored, texel_bytes
@@ -99,30 +99,29 @@ def page_outcome(
     *,
     bias: Float[Array, ""] | float,
     perspective: bool,
+    place: Address | None = None,
 ):
     """Whether the texel `step` (columns, rows; at most the guard band) beside a receiver's own
-    texel lights it: (n,) bool. None means its own texel."""
+    texel lights it: (n,) bool. None means its own texel.
+
+    `place` is where the page of `entry` is looked into, if that is not where the receiver lies.
+    """
     log2 = shape.log2_resolution(level_of(entry))
     dx, dy = (0, 0) if step is None else step
-    column, row = index_at(address.x, log2), index_at(address.y, log2)
+    place = address if place is None else place
+    column, row = index_at(place.x, log2), index_at(place.y, log2)
     mask = (1 << shape.log2_node) - 1
     x, y = (column & mask) + GUARD + dx, (row & mask) + GUARD + dy
     flat = page_of(entry) * shape.side**2 + y * shape.side + x
     return lit_by_texel(
         receivers,
         centre_offset(address, (column + dx, row + dy), log2),
-        _inverse_power(log2, receivers.depth.dtype),
+        inverse_power(log2, receivers.depth.dtype),
         None if tree.depth is None else take(tree.depth.reshape(-1), flat),
         None if tree.prim is None else take(tree.prim.reshape(-1), flat),
         bias=bias,
         perspective=perspective,
     )
-
-
-def _inverse_power(log2, dtype):
-    """2**-log2, from the bits of the exponent."""
-    bits = jax.lax.bitcast_convert_type((127 - log2) << 23, jnp.float32)
-    return bits.astype(dtype)
 
 
 def lookup(

@@ -36,7 +36,8 @@ from asmjax.shadow.base import (
     Status,
     array_bytes,
 )
-from asmjax.shadow.comparison import Compare, check_test, lit_by_texel, stored, texel_bytes
+from asmjax.shadow.comparison import Compare, check_test, stored, texel_bytes
+from asmjax.shadow.warped.around import ChartNeighbourhood
 from asmjax.shadow.warped.table import ChartTable, chart_of, place_in, table_of
 
 GRID = 17
@@ -155,6 +156,13 @@ class ChartedShadowMap(ShadowAlgorithm[ChartedState]):
     def visibility(self, state: ChartedState, points: SurfacePoints) -> Float[Array, " n"]:
         return _visibility(state.drawn, points, _seen_from(state, points), self.bias)
 
+    def around(self, state: ChartedState, points: SurfacePoints) -> ChartNeighbourhood:
+        drawn = state.drawn
+        place = _around(drawn, points, _seen_from(state, points))
+        return ChartNeighbourhood(
+            *place, drawn.depth, drawn.prim, self.bias, drawn.frame.perspective
+        )
+
     def density(self, state: ChartedState, points: SurfacePoints) -> Float[Array, "2 2 n"]:
         return _density(state.drawn, points, _seen_from(state, points))
 
@@ -219,8 +227,8 @@ def _placed(drawn: Drawn, points, seen_from):
     return receivers, place, found & place.inside
 
 
-@eqx.filter_jit
-def _visibility(drawn: Drawn, points, seen_from, bias):
+def _around_of(drawn: Drawn, points, seen_from):
+    """What `ChartNeighbourhood` begins with: receivers, place, width, found, fraction."""
     receivers, place, found = _placed(drawn, points, seen_from)
     # The longer side of a texel, as a fraction of the image's longer side.
     extent = drawn.frame.extent
@@ -229,16 +237,17 @@ def _visibility(drawn: Drawn, points, seen_from, bias):
     (du_s, du_t), (dv_s, dv_t) = place.per_texel
     sides = [(du * width) ** 2 + (dv * height) ** 2 for du, dv in ((du_s, dv_s), (du_t, dv_t))]
     texel = jnp.sqrt(jnp.maximum(*sides)) / jnp.maximum(width, height)
-    lit = lit_by_texel(
-        receivers,
-        place.offset,
-        texel,
-        None if drawn.depth is None else drawn.depth[place.flat],
-        None if drawn.prim is None else drawn.prim[place.flat],
-        bias=bias,
-        perspective=drawn.frame.perspective,
-    )
-    return (lit & found).astype(points.position.dtype)
+    return receivers, place, texel, found, place.fraction
+
+
+_around = eqx.filter_jit(_around_of)
+
+
+@eqx.filter_jit
+def _visibility(drawn: Drawn, points, seen_from, bias):
+    place = _around_of(drawn, points, seen_from)
+    around = ChartNeighbourhood(*place, drawn.depth, drawn.prim, bias, drawn.frame.perspective)
+    return around.lit().astype(points.position.dtype)
 
 
 @eqx.filter_jit

@@ -106,12 +106,22 @@ class Place(NamedTuple):
         per_texel: (2, 2, n) image motion per texel along s and t: [k, i] is d(u, v)_k / d(s, t)_i.
         inside: (n,) whether the chart holds the receiver, give or take a texel. Of the others
             everything else means nothing.
+        texel: (2, n) int32 column and row of that texel.
+        size: (2, n) int32 columns and rows of the chart.
+        fraction: (2, n) in [0, 1], of that texel, where the receiver lies.
+        nearing: (2, n) part by which the warp's homogeneous scale grows per texel along s and t.
+        rate: (n,) part by which a row grows over the one before; 0 without a logarithm.
     """
 
     flat: Int[Array, " n"]
     offset: Float[Array, "2 n"]
     per_texel: Float[Array, "2 2 n"]
     inside: Bool[Array, " n"]
+    texel: Int[Array, "2 n"]
+    size: Int[Array, "2 n"]
+    fraction: Float[Array, "2 n"]
+    nearing: Float[Array, "2 n"]
+    rate: Float[Array, " n"]
 
 
 def place_in(
@@ -156,9 +166,11 @@ def place_in(
         rate = jnp.log1p(bent)
         inside = jnp.maximum(bent * t, -1 + 1e-12)
         t = jnp.where(straight, t, jnp.log1p(inside) / jnp.where(straight, 1, rate))
-        column, row = jnp.floor(s * columns), jnp.floor(t * rows)
+        at = s * columns, t * rows
+        column, row = (jnp.floor(x) for x in at)
         inside = ahead & (column >= -1) & (column <= columns) & (row >= -1) & (row <= rows)
         column, row = jnp.clip(column, 0, columns - 1), jnp.clip(row, 0, rows - 1)
+        fraction = [jnp.clip(x - k, 0, 1) for x, k in zip(at, (column, row), strict=True)]
         # The way back from the texel's centre, and how fast it moves there.
         s, t = (column + 0.5) / columns, (row + 0.5) / rows
         grown = jnp.exp(t * rate)
@@ -171,16 +183,26 @@ def place_in(
             [(from_chart[k, i] - centre[k] * from_chart[2, i]) / scale * steps[i] for i in range(2)]
             for k in range(2)
         ]
+        nearing = [from_chart[2, i] / scale * steps[i] for i in range(2)]
+        rate = jnp.where(straight, 0, rate / rows)
         offset = [centre[0] - u, centre[1] - v]
         index = row * columns + column
-        index = jax.lax.convert_element_type(index, jnp.int32)
-        offset, per_texel = (
+        index, texel, size = (
+            jax.tree.map(lambda a: jax.lax.convert_element_type(a, jnp.int32), part)
+            for part in (index, [column, row], [columns, rows])
+        )
+        offset, per_texel, fraction, nearing, rate = (
             jax.tree.map(lambda a: jax.lax.convert_element_type(a, dtype), part)
-            for part in (offset, per_texel)
+            for part in (offset, per_texel, fraction, nearing, rate)
         )
     return Place(
         jnp.asarray(of(table.first)) + index,
         jnp.stack(offset),
         jnp.stack([jnp.stack(part) for part in per_texel]),
         inside,
+        jnp.stack(texel),
+        jnp.stack(size),
+        jnp.stack(fraction),
+        jnp.stack(nearing),
+        rate,
     )
