@@ -27,6 +27,7 @@ from asmjax.effects.decide import (
     VERY_LARGE_SR,
     WIDE,
 )
+from asmjax.effects.looking import SUN_DEG
 from asmjax.effects.probe import light_paths
 from asmjax.effects.widths import CLEAR, RAYS, TEXELS, _largest_gap
 from asmjax.errors import UseError
@@ -272,6 +273,24 @@ def test_a_sun_is_as_wide_as_its_angle():
     assert numbers.shape == "sun" and numbers.fov_deg is None
     assert 0.9 * narrow < numbers.width_p50 < 1.1 * narrow / -direction[2]
     assert numbers.solid_angle == pytest.approx(math.pi * math.tan(angle / 2) ** 2)
+
+
+def test_parallel_light_says_what_it_would_be_as_the_sun():
+    """From the same rays: the widths of a light of the sun's angle; no note below the tolerance."""
+    scene = a6_sphere_sun()
+    (parallel,) = scene.spec.lights.values()
+    assert parallel.direction is not None
+    sun = replace(parallel, area=sun_light(parallel.direction, math.radians(SUN_DEG)))
+    rays = CountedRays(AnalyticRays(scene.spec.shapes))
+    hard = plan_lights(asked_about(scene, [parallel], rays=rays), 1e-4)
+    assert rays.texels == 0 and rays.single < 4096
+    soft = plan_lights(asked_about(scene, [sun]), 1e-4)
+    for name in ("width_p50", "width_p95", "soft_error"):
+        assert getattr(hard.numbers[0], name) == pytest.approx(getattr(soft.numbers[0], name))
+    assert hard.decision("sun").width_p95 == 0 and hard.decision("sun").kind == "hard"
+    (note,) = hard.notes
+    assert "if it stands for the sun" in note and "note: 'sun' is parallel" in hard.explain()
+    assert not soft.notes and not plan_lights(asked_about(scene, [parallel]), 0.1).notes
 
 
 def test_a_sphere_light_has_the_width_of_its_disk():

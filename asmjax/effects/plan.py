@@ -43,7 +43,7 @@ class Plan:
         view: at the size of the picture.
         tolerance: part of the light, mean over the picture; what changes less is left out.
         decisions: by light, the brightest first.
-        skipped, not_simulated: with reasons.
+        skipped, not_simulated: with reasons; of what is missing the largest error first.
         numbers: what decided, by light, in the order of `decisions`.
         seen: what the probe saw, in that order, for figures.
         probe_rays: that planning cast.
@@ -130,9 +130,14 @@ def _listed(title: str, items: Sequence[Skipped | NotSimulated]) -> list[str]:
     lines = [f"{title}:"] if items else [f"{title}: nothing"]
     for item in items:
         whose = f" of {item.light}" if item.light else ""
-        much = f" ({percent(item.error)} of the light)" if item.error > 0 else ""
-        lines += _wrapped(f"{item.effect}{whose}: {item.reason}{much}")
+        lines += _wrapped(f"{item.effect}{whose}: {with_error(item)}")
     return lines
+
+
+def with_error(item: Skipped | NotSimulated) -> str:
+    """Why something is left out, and how much of the light that changes."""
+    much = percent(item.error)
+    return item.reason if item.error == 0 or much in item.reason else f"{item.reason} ({much})"
 
 
 def _wrapped(text: str) -> list[str]:

@@ -81,9 +81,11 @@ def plan_lights(
             *_of_scene(asked),
             *sky.skipped,
         ),
-        not_simulated=(
-            *(item for outcome in outcomes for item in outcome.not_simulated),
-            *sky.not_simulated,
+        not_simulated=tuple(
+            sorted(
+                (item for outcome in (*outcomes, sky) for item in outcome.not_simulated),
+                key=lambda item: -item.error,
+            )
         ),
         numbers=tuple(numbers),
         seen=tuple(seen),

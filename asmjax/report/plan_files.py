@@ -7,6 +7,7 @@ import jax
 import numpy as np
 
 from asmjax.effects import Decision, LightSeen, Plan
+from asmjax.effects.plan import with_error
 from asmjax.effects.records import percent, pixels
 from asmjax.report.figures.board import save
 from asmjax.report.figures.plan import LightPanel, draw_plan
@@ -69,7 +70,7 @@ def panels(result: PlanResult) -> list[LightPanel]:
         lit = seen.facing if seen.lit is None else seen.lit
         drawn.append(
             LightPanel(
-                title=_heading(decision),
+                title=_heading(plan, decision),
                 small=_small(seen, decision),
                 picture=shade(albedo, seen.cosine, lit, valid),
                 widest=seen.widest,
@@ -84,17 +85,18 @@ def footnotes(plan: Plan) -> list[str]:
     notes = [f"Note: {note}." for note in plan.notes]
     for title, items in (("Skipped", plan.skipped), ("Not simulated", plan.not_simulated)):
         named = [
-            f"{item.effect}{f' of {item.light}' if item.light else ''} ({item.reason}"
-            f"{f'; {percent(item.error)} of the light' if item.error else ''})"
+            f"{item.effect}{f' of {item.light}' if item.light else ''}: {with_error(item)}"
             for item in items
         ]
-        notes.append(f"{title}: {'; '.join(named) or 'nothing'}.")
+        notes.append(f"{title}. {'; '.join(named) or 'Nothing'}.")
     return notes
 
 
-def _heading(decision: Decision) -> str:
+def _heading(plan: Plan, decision: Decision) -> str:
     methods = " + ".join(decision.methods)
-    return f"{decision.light}: {decision.kind}{f', {methods}' if methods else ''}"
+    parts = [f"{decision.light}: {decision.kind}", *([methods] if methods else [])]
+    missing = [item for item in plan.not_simulated if item.light == decision.light]
+    return ", ".join([*parts, *(f"no {item.effect}" for item in missing)])
 
 
 def _small(seen: LightSeen, decision: Decision) -> str:
