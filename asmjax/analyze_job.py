@@ -3,7 +3,6 @@
 import logging
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import Any
 
 from tqdm import tqdm
 
@@ -37,9 +36,9 @@ from asmjax.report.analyze_files import write_analysis
 from asmjax.report.analyze_record import Analysed, AnalysisResult, LightSweep
 from asmjax.report.analyze_table import analysis_table
 from asmjax.shadow import (
-    ALGORITHMS,
     ShadowAlgorithm,
     family_of,
+    of_resolution,
     resolution_for,
 )
 
@@ -138,12 +137,12 @@ def algorithms_of(
     """An algorithm of each family, those that were chosen among them; the others have as many
     texels as fit into the adaptive map's memory for a light of so many faces (tables of charts,
     some kB, not counted)."""
-    settings: dict[str, Any] = {"resolution": resolution_for(chosen.adaptive.memory_bytes, faces)}
+    resolution = resolution_for(chosen.adaptive.memory_bytes, faces)
     own: dict[str, ShadowAlgorithm] = {ADAPTIVE: chosen.adaptive}
     if chosen.other is not None:
         own[family_of(chosen.other)] = chosen.other
     return {
-        family: own[family] if family in own else ALGORITHMS[family](**settings)
+        family: own[family] if family in own else of_resolution(family, resolution)
         for family in families
     }
 

@@ -40,6 +40,7 @@ from asmjax.scene.lights import light_frame
 from asmjax.scene.spec import Rectangle, ViewSpec
 from asmjax.shadow import (
     ALGORITHMS,
+    MAPS,
     LightSpaceShadowMap,
     PerspectiveShadowMap,
     SubdividedShadowMap,
@@ -382,15 +383,15 @@ def test_displacements_of_zero_are_named_not_drawn():
 @pytest.mark.slow
 @pytest.mark.mitsuba
 def test_all_algorithms_in_one_report(tmp_path):
-    """The whole registry: a row each, and of the adaptive map what a run says of it."""
+    """All maps of the registry: a row each, and of the adaptive map what a run says of it."""
     words = [*WORDS[:-1], "1", "--quiet", "--out", str(tmp_path)]
     assert cli.main(["analyze", "letter_f", *words]) == 0
     report = json.loads((tmp_path / "report.json").read_text(encoding="utf-8"))
     families = [method["family"] for method in report["methods"]]
-    assert families == [*ALGORITHMS, "rays"]
+    assert families == [*MAPS, "rays"]
     assert report["cost_model"]["a_seconds_per_texel"] > 0
     adaptive = report["methods"][families.index("adaptive")]
     assert adaptive["nodes"] > 0 and adaptive["bytes"] <= 2**20
     (angle,) = report["light_angles"]["angles"]
-    assert [error["family"] for error in angle["methods"]] == [*ALGORITHMS]
+    assert [error["family"] for error in angle["methods"]] == [*MAPS]
     assert report["methods"][families.index("logarithmic")]["settings"]["ratio"] == "inf"

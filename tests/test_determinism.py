@@ -9,7 +9,7 @@ import pytest
 from helpers.digests import RENDERED
 from helpers.registry import SIBLINGS, VARIANTS
 
-CONFIGURATIONS = 20
+CONFIGURATIONS = 27
 
 
 def renderer() -> bool:
@@ -25,7 +25,7 @@ def renderer() -> bool:
 
 @pytest.mark.timeout(600)
 def test_two_processes_make_the_same_maps():
-    """20 of 20: every algorithm and variant, two of them cast by Mitsuba where it starts. The
+    """27 of 27: every algorithm and variant, two of them cast by Mitsuba where it starts. The
     processes have other hash seeds, and the second one finds compiled what the first one compiled;
     builds with a limit of time are exempt."""
     with_mitsuba = renderer()

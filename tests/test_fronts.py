@@ -23,7 +23,7 @@ from asmjax.experiment.fronts import cost_of_error, front
 from asmjax.experiment.methods import settings_of
 from asmjax.experiment.settings_range import BETWEEN, LAST, VARIANTS, candidates, families_of
 from asmjax.experiment.trial import Trial
-from asmjax.shadow import ALGORITHMS, AdaptiveShadowMap, SubdividedShadowMap
+from asmjax.shadow import ALGORITHMS, MAPS, AdaptiveShadowMap, SubdividedShadowMap
 
 # Few different values, so that costs and errors are often equal.
 LEVELS = st.sampled_from([0.001, 0.03, 0.5, 0.7, 2.0, 11.0])
@@ -229,7 +229,7 @@ def test_every_family_has_its_range():
     adaptive = AdaptiveShadowMap()
     found = candidates(families_of(()), adaptive, 1)
     first = [item for item in found if item.rank == 0]
-    assert [item.family for item in first] == list(ALGORITHMS)
+    assert [item.family for item in first] == list(MAPS)
     assert first[1].algorithm == adaptive and first[0].label == "16 MB"
     sides = [settings_of(i.algorithm)["resolution"] for i in found if i.family == "uniform"]  # type: ignore[arg-type]
     assert sides == [2048, 512, 4096, 1024]

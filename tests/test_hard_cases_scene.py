@@ -17,11 +17,11 @@ from asmjax.hard_cases import CASES, SIDE, Setup, measure
 from asmjax.hard_cases.explain import explained
 from asmjax.hard_cases.lights import SHAPES, SUN, VIEW
 from asmjax.hard_cases.measure import TEXELS, algorithm_for
-from asmjax.shadow import ALGORITHMS
+from asmjax.shadow import MAPS
 
 SCENES = [case for case in CASES.values() if case.is_scene]
 each_scene = pytest.mark.parametrize("case", SCENES, ids=lambda case: case.name)
-each_family = pytest.mark.parametrize("family", ALGORITHMS)
+each_family = pytest.mark.parametrize("family", MAPS)
 
 LARGEST = 2.0**42
 """Texels per image side that a map may claim to have: 1e10, by which the longest range magnifies,
@@ -47,7 +47,7 @@ def test_no_algorithm_fails_in_silence(case):
             allowed = {"stable", "announced"}
         assert record.verdict in allowed, record
     assert case.fails_from is None or any(record.verdict == "announced" for record in records)
-    assert {record.algorithm for record in records} == set(ALGORITHMS)
+    assert {record.algorithm for record in records} == set(MAPS)
 
 
 @each_scene

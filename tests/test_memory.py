@@ -22,7 +22,7 @@ from asmjax.job_memory import (
 )
 from asmjax.memory import MEGABYTE, Limit, Memory, Stage, check, limit_of, peak_of
 from asmjax.shadow import (
-    ALGORITHMS,
+    MAPS,
     AdaptiveShadowMap,
     LightSpaceShadowMap,
     ShadowAlgorithm,
@@ -161,7 +161,7 @@ def test_the_process_knows_its_own_size():
     assert 32 * MEGABYTE < held < 192 * MEGABYTE
 
 
-@pytest.mark.parametrize("kind", list(ALGORITHMS.values()), ids=list(ALGORITHMS))
+@pytest.mark.parametrize("kind", list(MAPS.values()), ids=list(MAPS))
 def test_a_larger_map_takes_more_and_keeps_less_than_its_making(kind: Any):
     adaptive = kind is AdaptiveShadowMap
     name, sizes = ("memory_bytes", (2**20, 2**28)) if adaptive else ("resolution", (512, 8192))

@@ -21,6 +21,7 @@ from asmjax.shadow import (
     ALGORITHMS,
     AdaptiveShadowMap,
     CostModel,
+    FilteredShadowMap,
     LightSpaceShadowMap,
     LogarithmicShadowMap,
     PartitionedShadowMap,
@@ -33,6 +34,7 @@ from asmjax.shadow import (
     settings_text,
     write_settings,
 )
+from asmjax.shadow.filtered import KERNELS
 from asmjax.shadow.settings import LARGEST_FILE, meanings, setting_types
 
 PAGE = Path(__file__).parents[1] / "docs/settings.md"
@@ -92,6 +94,26 @@ SETTINGS: dict[str, dict[str, Any]] = {
         "warp": WARP,
         "power": numbers(1, 64),
         "measure": st.sampled_from(("m", "perspective")),
+    },
+    "accumulated": {**COMMON, "samples": st.integers(1, 64)},
+    "pcss": {
+        **COMMON,
+        "blocker_taps": st.integers(1, 2**12),
+        "filter_taps": st.integers(1, 2**12),
+        "keep": st.booleans(),
+    },
+    "moment": {
+        **COMMON,
+        "compare": st.just("depth"),
+        "kernel": numbers(1, 1024),
+        "keep": st.booleans(),
+    },
+    "filtered": {
+        "kernel": st.sampled_from(KERNELS),
+        "width": st.just(0) | numbers(0.02, 64),
+        "strata": st.integers(1, 64),
+        "inner": st.builds(UniformShadowMap, **COMMON)
+        | st.builds(LogarithmicShadowMap, ratio=numbers(1, 1e300) | st.just(math.inf)),
     },
 }
 """Of every family, what each setting may be."""
@@ -155,6 +177,19 @@ def test_the_text_says_what_was_changed_or_explains_everything():
     assert "[0]" not in settings_text(UniformShadowMap(compare="id"))
 
 
+def test_a_map_within_a_filter_is_a_table_of_its_own():
+    """The same keys again, below its name; as much as differs, also where all is explained."""
+    algorithm = FilteredShadowMap("area", inner=AdaptiveShadowMap(cells=4))
+    text = settings_text(algorithm)
+    assert text == (
+        'algorithm = "filtered"\n\n[settings]\nkernel = "area"\n\n'
+        '[settings.inner]\nalgorithm = "adaptive"\n\n[settings.inner.settings]\ncells = 4\n'
+    )
+    assert algorithm_of(tomllib.loads(text)) == algorithm
+    assert algorithm_of(tomllib.loads(settings_text(algorithm, every=True))) == algorithm
+    assert algorithm_of({"algorithm": "filtered"}) == FilteredShadowMap()
+
+
 def test_a_calibrated_map_keeps_its_costs_to_itself():
     """The cost model is this machine's; the rest returns."""
     model = CostModel(a_seconds_per_texel=1e-8, b_seconds=1e-5, residual=0.0)
@@ -198,6 +233,15 @@ WRONG = {
     "another's": ("uniform", {"cells": 2}, "unknown uniform setting 'cells'"),
     "another's unit": ("uniform", {"memory_mb": 2}, "unknown uniform setting 'memory_mb'"),
     "cost model": ("adaptive", {"cost_model": {}}, "measured on each machine, not set"),
+    "name for a map": ("filtered", {"inner": "uniform"}, 'is "uniform"; allowed: a table with'),
+    "within": (
+        "filtered",
+        {"inner": {"algorithm": "uniform", "settings": {"cells": 2}}},
+        "inner: unknown uniform setting 'cells'",
+    ),
+    "filter of a filter": ("filtered", {"inner": {"algorithm": "filtered"}}, "not possible"),
+    "width": ("filtered", {"width": 1e-3}, "0.001 texels is not possible; allowed: 0, or 1/64"),
+    "strata": ("filtered", {"strata": 0}, "0 strata"),
 }
 
 
@@ -346,7 +390,7 @@ def test_examples_of_the_page_are_its_files_and_load():
     """What is shown is what lies beside it, and each changes something."""
     page = PAGE.read_text(encoding="utf-8")
     shown = re.findall(r"\((settings/\w+\.toml)\):\n\n```toml\n(.*?)```", page, flags=re.DOTALL)
-    assert len(shown) == 2
+    assert len(shown) == 3
     for name, text in shown:
         path = PAGE.parent / name
         assert path.read_text(encoding="utf-8") == text

@@ -19,7 +19,7 @@ from helpers.analytic_cases import (
     random_rotation,
 )
 from helpers.counting import CountingRays
-from helpers.made_for import MADE, avenue
+from helpers.made_for import MADE, avenue, made_case
 from helpers.made_for import TEXELS as MADE_TEXELS
 from helpers.registry import SIBLINGS, VARIANTS
 
@@ -31,6 +31,9 @@ from asmjax.shadow.comparison import texel_bytes
 
 SIDE = 64
 """Pixels a side where one build is enough: how an algorithm answers, not how well."""
+
+SAME = 1e-3
+"""What shares of light may differ by, of answers that are the same: a thousandth of a texel."""
 
 TEXELS = 4**7
 BUDGETS = (4**7, 4**9)
@@ -76,6 +79,11 @@ def built(sibling, name, side=SIDE, texels=TEXELS):
     return _built(sibling, name, side, texels, jnp.zeros(()).dtype.name)
 
 
+def differing(one, other) -> int:
+    """Answers that are not the same."""
+    return int(np.sum(np.abs(one - other) > SAME))
+
+
 @functools.cache
 def _built(sibling, name, side, texels, precision):
     del precision
@@ -97,6 +105,7 @@ def test_lights_are_of_the_kinds_that_these_tests_rely_on():
 
 def check_degenerate(sibling, name, compare):
     """Same texel centres, same test: equal bit for bit."""
+    compare = "depth" if sibling.depth_only else compare
     case = analytic_case(name, SIDE)
     flat = UniformShadowMap(128, compare)
     expected = flat.visibility(flat.build(case.eye, case.frame, case.rays), case.eye.points)
@@ -156,11 +165,12 @@ def test_no_error_away_from_edges(sibling, name):
     assert found, "nothing was tested"
 
 
-def wrong_pixels(sibling, light: str) -> int:
-    case = avenue(light)
+def wrong_pixels(sibling, light: str) -> float:
+    case = made_case(light)
     algorithm = sibling.of_budget(MADE_TEXELS, case.frame.faces)
     state = algorithm.build(case.eye, case.frame, case.rays)
-    return int(case.wrong(algorithm.visibility(state, case.eye.points)).sum())
+    lit = algorithm.visibility(state, case.eye.points)
+    return case.off(lit) if case.frame.area is not None else int(case.wrong(lit).sum())
 
 
 def test_every_sibling_is_made_for_something():
@@ -172,7 +182,7 @@ def test_every_sibling_is_made_for_something():
 @pytest.mark.parametrize("made", MADE, ids=lambda made: made.name)
 def test_each_sibling_beats_the_uniform_map_on_what_it_is_made_for(made):
     """Fewer wrong pixels with as many bytes, where depths run from 1.3 to 100 (`helpers.made_for`);
-    truth is a float64 shadow ray for each pixel."""
+    truth is a float64 shadow ray for each pixel, or under a light with a size 256 of them."""
     flat = wrong_pixels(SIBLINGS[0], made.light)
     assert flat > 100, "nothing was tested"
     assert wrong_pixels(made.sibling, made.light) <= made.most * flat
@@ -228,7 +238,7 @@ def test_jit_is_no_jit(sibling, name):
     compiled = np.asarray(algorithm.visibility(state, points))
     with jax.disable_jit():
         plain = np.asarray(algorithm.visibility(state, points))
-    assert np.sum(compiled != plain) <= 2
+    assert differing(compiled, plain) <= 2
     assert 0 < compiled.mean() < 1
 
 
@@ -276,8 +286,9 @@ def test_another_number_of_points_is_another_trace(sibling):
 
 
 @each
-def test_visibility_is_0_or_1_and_dark_where_no_light_can_be(sibling, name, dtype):
-    """Flipped normals, points outside the frame and invalid pixels are dark; nothing is NaN."""
+def test_visibility_is_a_share_and_dark_where_no_light_can_be(sibling, name, dtype):
+    """All of it or nothing, but for filters. Flipped normals, points outside the frame and invalid
+    pixels are dark; nothing is NaN."""
     case, algorithm, state = built(sibling, name)
     points, n = case.eye.points, case.eye.points.count
     flipped = np.arange(n) % 5 == 0
@@ -291,7 +302,8 @@ def test_visibility_is_0_or_1_and_dark_where_no_light_can_be(sibling, name, dtyp
     )
     lit = algorithm.visibility(state, changed)
     assert lit.shape == (n,) and lit.dtype == dtype
-    assert set(np.unique(np.asarray(lit))) == {0.0, 1.0}
+    assert lit.min() == 0 and lit.max() == 1
+    assert sibling.soft or set(np.unique(np.asarray(lit))) == {0.0, 1.0}
     world = np.where(case.eye.valid, case.eye.world, 0.0) + np.where(away, 1e3, 0.0)
     normal = np.where(flipped, -1, 1) * case.eye.normal
     facing = np.einsum("in,in->n", normal, towards_light(case.frame, world)) > 0
@@ -311,7 +323,7 @@ def test_rigid_motion_changes_nothing(sibling, name, shift):
     state = algorithm.build(other.eye, other.frame, other.rays)
     after = np.asarray(algorithm.visibility(state, other.eye.points))
     np.testing.assert_array_equal(case.eye.valid, other.eye.valid)
-    assert np.sum(before != after) <= 2
+    assert differing(before, after) <= 2
 
 
 @each
@@ -323,7 +335,7 @@ def test_float32_equals_float64(sibling, name):
             case, algorithm, state = built(sibling, name)
             lit.append(np.asarray(algorithm.visibility(state, case.eye.points)))
     assert lit[0].dtype == np.float32 and lit[1].dtype == np.float64
-    assert np.sum(lit[0] != lit[1]) <= 2
+    assert differing(*lit) <= 2
 
 
 @each_sibling

@@ -12,7 +12,7 @@ from asmjax.buffers import EyeBuffer, LightRays, seen_points
 from asmjax.experiment.bias import bias_summary, stated_bias
 from asmjax.experiment.timing import median_by_stage, repeated
 from asmjax.geometry import LightFrame
-from asmjax.shadow import Cost, ShadowAlgorithm, Status
+from asmjax.shadow import Cost, ShadowAlgorithm, Status, family_of
 
 
 @runtime_checkable
@@ -125,6 +125,13 @@ def measure_rays(
 
 
 def settings_of(algorithm: ShadowAlgorithm) -> dict:
-    """The documented settings of an algorithm as plain values."""
+    """The documented settings of an algorithm as plain values; of a map that it filters, a table of
+    `algorithm` and `settings`, as in a settings file."""
     names = [field.name for field in fields(algorithm) if field.name != "cost_model"]
-    return {name: getattr(algorithm, name) for name in names}
+    return {name: _plain(getattr(algorithm, name)) for name in names}
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, ShadowAlgorithm):
+        return {"algorithm": family_of(value), "settings": settings_of(value)}
+    return value

@@ -12,7 +12,14 @@ from typing import Any
 
 from asmjax.errors import UseError, unknown_name
 from asmjax.experiment.methods import settings_of
-from asmjax.shadow import ALGORITHMS, AdaptiveShadowMap, ShadowAlgorithm, resolution_for
+from asmjax.shadow import (
+    ALGORITHMS,
+    MAPS,
+    AdaptiveShadowMap,
+    ShadowAlgorithm,
+    of_resolution,
+    resolution_for,
+)
 
 ADAPTIVE = "adaptive"
 """The family whose memory, and not its resolution, is chosen."""
@@ -37,6 +44,7 @@ BETWEEN: Mapping[str, Sequence[Mapping[str, Any]]] = {
     "partitioned": [{"warp": "light-space"}, {"blend": 0.5}],
     "subdivided": [{"parts": 4}, {"strength": -1.0}],
     "tuned": [{"partitions": 1}, {"power": 2.0}],
+    "filtered": [{"kernel": kernel} for kernel in ("bilinear", "dithered", "original")],
 }
 """Settings that tell less, and are tried with the first number of samples only. Lengths in scene
 units, as `slide` and `focus` are, have no values that suit every scene: a settings file gives them.
@@ -65,7 +73,8 @@ class Candidate:
 
 
 def families_of(wanted: Sequence[str]) -> list[str]:
-    """The families of those names in that order, each once; all of the registry without any.
+    """The families of those names in that order, each once; all maps of the registry without any,
+    of which filters would only say the same again but for soft edges.
 
     Raises:
         UseError: an unknown name.
@@ -73,7 +82,7 @@ def families_of(wanted: Sequence[str]) -> list[str]:
     for name in wanted:
         if name not in ALGORITHMS:
             raise unknown_name("method", name, ALGORITHMS, "Name others with --methods.")
-    return list(dict.fromkeys(wanted or ALGORITHMS))
+    return list(dict.fromkeys(wanted or MAPS))
 
 
 def candidates(
@@ -117,13 +126,12 @@ def _candidate(
 ) -> Candidate:
     parts = [f"{memory / 2**20:g} MB", *(_in_words(*item) for item in changes.items())]
     label = ", ".join(parts)
-    kind: Any = ALGORITHMS[family]
     try:
         if family == ADAPTIVE:
             algorithm = replace(adaptive, memory_bytes=memory, **changes)
             algorithm.tree_shape(faces)
         else:
-            algorithm = kind(resolution=resolution_for(memory, faces), **changes)
+            algorithm = of_resolution(family, resolution_for(memory, faces), **changes)
     except UseError as problem:
         return Candidate(family, label, rank, None, str(problem))
     return Candidate(family, label, rank, algorithm)

@@ -15,7 +15,7 @@ from asmjax.errors import UseError, unknown_name
 from asmjax.hard_cases.case import HardCase, Kernel
 from asmjax.hard_cases.explain import explained
 from asmjax.hard_cases.scene import Scene, Setup
-from asmjax.shadow import ALGORITHMS, AdaptiveShadowMap, CostModel, ShadowAlgorithm
+from asmjax.shadow import MAPS, AdaptiveShadowMap, CostModel, ShadowAlgorithm
 from asmjax.shadow.comparison import texel_bytes
 
 Precision = Literal["float32", "float64"]
@@ -74,16 +74,16 @@ def measure(
 
     Args:
         severities: some of the case's, or others; None for all of them.
-        algorithms: family names; None for all that are registered. A kernel has none.
+        algorithms: family names; None for all maps that are registered. A kernel has none.
         side: pixels a side of a scene.
 
     Raises:
         UseError: an unknown algorithm.
     """
-    families = tuple(ALGORITHMS if algorithms is None else algorithms)
+    families = tuple(MAPS if algorithms is None else algorithms)
     for family in families:
-        if family not in ALGORITHMS:
-            raise unknown_name("algorithm", family, ALGORITHMS)
+        if family not in MAPS:
+            raise unknown_name("algorithm", family, MAPS)
     found: list[Measured] = []
     for severity in case.severities if severities is None else severities:
         for precision in precisions:
@@ -100,7 +100,7 @@ def algorithm_for(family: str, faces: int, texels: int = TEXELS) -> ShadowAlgori
     if family == "adaptive":
         # Its own comparison stores both depth and primitive, 6 bytes a texel.
         return AdaptiveShadowMap(memory_bytes=texels * texel_bytes("both"), cost_model=_COSTS)
-    make = cast(Callable[..., ShadowAlgorithm], ALGORITHMS[family])
+    make = cast(Callable[..., ShadowAlgorithm], MAPS[family])
     return make(resolution=isqrt(texels // faces))
 
 

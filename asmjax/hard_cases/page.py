@@ -15,7 +15,7 @@ from asmjax.hard_cases.figure import draw_theme
 from asmjax.hard_cases.measure import SIDE, Measured, Precision, measure
 from asmjax.hard_cases.numbers import error_text, severity_text, share_text
 from asmjax.report.figures.board import save
-from asmjax.shadow import ALGORITHMS
+from asmjax.shadow import MAPS
 from asmjax.shadow.pages import between_markers
 
 BEGIN = "<!-- begin: written by `python -m asmjax.hard_cases.page docs/stability.md` -->"
@@ -70,9 +70,9 @@ def _limits(records: Sequence[Measured]) -> str:
         if not failed:
             continue
         least = min(failed, key=lambda record: case.severities.index(record.severity))
-        families = [f for f in ALGORITHMS if any(record.algorithm == f for record in failed)]
+        families = [f for f in MAPS if any(record.algorithm == f for record in failed)]
         who = ""
-        if families and len(families) < len(ALGORITHMS):
+        if families and len(families) < len(MAPS):
             who = f" ({', '.join(families)})"
         kinds = {record.precision for record in failed}
         only = f" in {kinds.pop()}" if len(kinds) == 1 else ""
@@ -142,7 +142,7 @@ def _verdict(case: HardCase, records: Iterable[Measured]) -> str:
 
 
 def _scenes(theme: Theme, records: Sequence[Measured]) -> str:
-    families = list(ALGORITHMS)
+    families = list(MAPS)
     lines = [
         f"Share of pixels wrong beyond a texel of an edge, at the worst severity and precision at "
         f"which nothing is announced (in brackets: wrong in all, edges of texels included); "

@@ -71,6 +71,8 @@ def method_record(
 
 def storable(value):
     """A setting as JSON can hold it: a number that is not finite becomes its name, as "inf"."""
+    if isinstance(value, dict):
+        return {name: storable(item) for name, item in value.items()}
     return str(value) if isinstance(value, float) and not math.isfinite(value) else value
 
 

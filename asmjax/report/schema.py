@@ -22,7 +22,8 @@ ALIASING_SCHEMA = "asmjax/aliasing/1"
 
 METHOD_KINDS = (
     "uniform", "adaptive", "perspective", "light-space", "trapezoidal", "logarithmic",
-    "partitioned", "subdivided", "tuned", "rays",
+    "partitioned", "subdivided", "tuned", "filtered", "pcss",
+    "moment", "accumulated", "rays",
 )  # fmt: skip
 """What the name of a method begins with: the families of the registry, which is not imported here
 as it loads JAX, and traced rays."""

@@ -2,13 +2,19 @@
 
 from asmjax.shadow.adaptive import PRESETS, AdaptiveShadowMap, CostModel, calibrate, preset
 from asmjax.shadow.base import Cost, MapMemory, NodeCounts, ShadowAlgorithm, Status
-from asmjax.shadow.registry import ALGORITHMS
+from asmjax.shadow.filtered import FilteredShadowMap
+from asmjax.shadow.registry import ALGORITHMS, FILTERS, MAPS, SOFT, of_resolution
 from asmjax.shadow.settings import (
     algorithm_of,
     family_of,
     read_settings,
     settings_text,
     write_settings,
+)
+from asmjax.shadow.soft import (
+    AccumulatedShadowMap,
+    MomentShadowMap,
+    PCSSShadowMap,
 )
 from asmjax.shadow.uniform import UniformShadowMap, resolution_for
 from asmjax.shadow.warped import (
@@ -24,11 +30,18 @@ from asmjax.shadow.warped import (
 __all__ = [
     "ALGORITHMS",
     "PRESETS",
+    "AccumulatedShadowMap",
     "AdaptiveShadowMap",
     "Cost",
     "CostModel",
+    "FILTERS",
+    "FilteredShadowMap",
+    "MAPS",
     "MapMemory",
+    "MomentShadowMap",
     "NodeCounts",
+    "PCSSShadowMap",
+    "SOFT",
     "ShadowAlgorithm",
     "Status",
     "LightSpaceShadowMap",
@@ -42,6 +55,7 @@ __all__ = [
     "algorithm_of",
     "calibrate",
     "family_of",
+    "of_resolution",
     "preset",
     "read_settings",
     "resolution_for",

@@ -100,6 +100,36 @@ WORDS = {
         "a search of its own for each view; as partitioned",
         "a view is kept, or it is to be known about how little error slabs can have",
     ),
+    "filtered": Words(
+        "what its inner map holds, of whatever family",
+        "those of its inner map",
+        "edges are blurred by a constant number of texels, near casters too; corners where walls "
+        "rise darken over as many",
+        "texels are larger than pixels and their steps must not be seen",
+    ),
+    "pcss": Words(
+        "N x N texels per light face; under a light with a size also over what lies beside them",
+        "1, and 64 x 64 rays before, under a light with a size",
+        "blockers of several depths above one receiver, whose mean is the depth of none; lights "
+        "that stand above a receiver's horizon with less than a half",
+        "a light has a size, and its penumbrae are to cost one map and a hundred look-ups",
+    ),
+    "moment": Words(
+        "sums of four moments of depth, 32 bytes a texel, under a light with a size or for a "
+        "filter; else as `uniform`",
+        "as above",
+        "three depths and more in one penumbra: light leaks; the foot of what stands on a slope "
+        "is lit",
+        "penumbrae or filters are wide: all widths cost the same; nothing must get too dark",
+    ),
+    "accumulated": Words(
+        "m x m flat maps from samples of the light, N x N texels for each of its faces in all; one "
+        "map of a light without a size",
+        "m x m",
+        "each map is coarse; wide penumbrae show the edges of m x m hard shadows; time grows with "
+        "m x m",
+        "a light is very large, umbrae vanish, or the truth is wanted without a ray tracer",
+    ),
 }
 """By family, in the registry's order."""
 
@@ -129,6 +159,8 @@ def _default(field) -> str:
         return "on" if value else "off"
     if value is None:
         return "none"
+    if isinstance(value, ShadowAlgorithm):
+        return value.name
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 

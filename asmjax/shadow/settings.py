@@ -9,7 +9,8 @@ A file names the algorithm and says what differs from its defaults::
     node_resolution = 32
 
 Names are those of the algorithm's fields (docs/settings.md lists them). TOML has no None: a setting
-that may be None is None where it is left out.
+that may be None is None where it is left out. A setting that is an algorithm itself, the
+`inner` one of a filter, is a table of these two again.
 """
 
 import math
@@ -62,7 +63,13 @@ UNITS = {
 }
 """Names that the command line uses: a file has one of the two."""
 
-KINDS = {int: "a whole number", float: "a number", bool: "true or false", str: "a text in quotes"}
+KINDS = {
+    int: "a whole number",
+    float: "a number",
+    bool: "true or false",
+    str: "a text in quotes",
+    ShadowAlgorithm: "a table with algorithm and settings, as of a file",
+}
 """What the annotations of settings are called."""
 
 SHADOW_TEST = {
@@ -127,7 +134,7 @@ def algorithm_of(mapping: Mapping[str, Any]) -> ShadowAlgorithm:
         checked = _model(family, algorithm).model_validate(dict(given))
     except ValidationError as problem:
         raise UseError(_told(problem, algorithm)) from problem
-    return algorithm(**_in_field_units(checked.model_dump(exclude_unset=True)))
+    return algorithm(**_with_inner(_in_field_units(checked.model_dump(exclude_unset=True))))
 
 
 def settings_text(algorithm: ShadowAlgorithm, *, every: bool = False) -> str:
@@ -141,7 +148,7 @@ def settings_text(algorithm: ShadowAlgorithm, *, every: bool = False) -> str:
     """
     family = family_of(algorithm)
     values = _values(algorithm)
-    defaults = {field.name: field.default for field in fields(algorithm)}
+    defaults = {field.name: _plain(field.default) for field in fields(algorithm)}
     given = {
         name: value
         for name, value in values.items()
@@ -159,7 +166,7 @@ def settings_text(algorithm: ShadowAlgorithm, *, every: bool = False) -> str:
     for name in values:
         lines = textwrap.wrap(explained[name], 96, break_on_hyphens=False)
         if name in given:
-            setting = tomli_w.dumps({name: given[name]}).rstrip()
+            setting = _setting(name, given[name])
         else:
             setting = f"# {name} is left out: None"
         parts.append("\n".join([*(f"# {line}" for line in lines), setting]))
@@ -218,6 +225,12 @@ def meanings(algorithm: type[ShadowAlgorithm]) -> dict[str, str]:
         for name in names.split(","):
             found[name.strip()] = " ".join(words.split())
     return {name: found.get(name, "") for name in setting_types(algorithm)} | SHADOW_TEST
+
+
+def _setting(name: str, value: Any) -> str:
+    """A setting as a file has it, below its line [settings]; tables come last there."""
+    of = {"settings": {name: value}} if isinstance(value, Mapping) else {name: value}
+    return tomli_w.dumps(of).rstrip()
 
 
 def kind_words(annotation: Any) -> str:
@@ -287,6 +300,8 @@ def _model(family: str, algorithm: type[ShadowAlgorithm]) -> type[BaseModel]:
     for name, annotation in setting_types(algorithm).items():
         if (family, name) in INFINITE:
             annotation = Annotated[annotation, Field(allow_inf_nan=True)]
+        if annotation is ShadowAlgorithm:
+            annotation = dict[str, Any]
         parts[name] = (annotation, None)
     for name, unit in UNITS.items():
         if unit.field in parts:
@@ -338,10 +353,23 @@ def _in_field_units(values: dict[str, Any]) -> dict[str, Any]:
     return values
 
 
+def _with_inner(values: dict[str, Any]) -> dict[str, Any]:
+    """`values` with tables that describe algorithms turned into these."""
+    for name, value in values.items():
+        if isinstance(value, Mapping):
+            try:
+                values[name] = algorithm_of(value)
+            except UseError as problem:
+                raise UseError(f"{name}: {problem}") from problem
+    return values
+
+
 def _values(algorithm: ShadowAlgorithm) -> dict[str, Any]:
     """All that a file may set, as plain Python values."""
-    found = {}
-    for name in setting_types(type(algorithm)):
-        value = getattr(algorithm, name)
-        found[name] = value.item() if hasattr(value, "item") else value
-    return found
+    return {name: _plain(getattr(algorithm, name)) for name in setting_types(type(algorithm))}
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, ShadowAlgorithm):
+        return tomllib.loads(settings_text(value))
+    return value.item() if hasattr(value, "item") else value

@@ -61,6 +61,8 @@ def _shown(value: Any) -> str:
     """A default as a settings file has it."""
     if value is None:
         return "left out"
+    if isinstance(value, ShadowAlgorithm):
+        return value.name
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, float) and math.isfinite(value):

@@ -41,8 +41,12 @@ class Case:
     edge_distance: np.ndarray
 
     def wrong(self, visibility) -> np.ndarray:
-        """(n,) judged pixels whose visibility differs from truth."""
-        return self.judged & (np.asarray(visibility) != self.expected)
+        """(n,) judged pixels that are on the other side of one half than in truth."""
+        return self.judged & ((np.asarray(visibility) >= 0.5) != (self.expected >= 0.5))
+
+    def off(self, visibility) -> float:
+        """By how much judged pixels differ from truth, in all."""
+        return float(np.abs(np.asarray(visibility) - self.expected)[self.judged].sum())
 
     def error(self, visibility) -> float:
         """Misclassified fraction of the judged pixels."""

@@ -7,11 +7,15 @@ from math import isqrt
 import numpy as np
 
 from asmjax.shadow import (
+    AccumulatedShadowMap,
     AdaptiveShadowMap,
     CostModel,
+    FilteredShadowMap,
     LightSpaceShadowMap,
     LogarithmicShadowMap,
+    MomentShadowMap,
     PartitionedShadowMap,
+    PCSSShadowMap,
     PerspectiveShadowMap,
     ShadowAlgorithm,
     SubdividedShadowMap,
@@ -40,7 +44,9 @@ class Sibling:
         log2_resolution: (algorithm, state, points) to log2 of the texels per face side that
             answered each point.
         charts: whether it is a map of charts: these share everything but the choice of charts, and
-            one light each is enough.
+            one light each is enough; as it is for what of lights without a size is the uniform map.
+        soft: whether it answers with shares of light, and not with 0 or 1 alone.
+        depth_only: whether it compares nothing but depths.
     """
 
     name: str
@@ -48,6 +54,8 @@ class Sibling:
     degenerate: Callable[[int, Compare], ShadowAlgorithm]
     log2_resolution: Callable[..., np.ndarray]
     charts: bool = False
+    soft: bool = False
+    depth_only: bool = False
 
 
 def _of_uniform(algorithm, state, points) -> np.ndarray:
@@ -88,35 +96,84 @@ def charted(name: str, family: type, flat: dict, **settings) -> Sibling:
     )
 
 
+def filtered(name: str, inner: Sibling, **settings) -> Sibling:
+    """A filter of another sibling's map; degenerate, one that asks a single texel."""
+
+    def of_budget(texels: int, faces: int):
+        held = texels - TABLES // texel_bytes("both")
+        return FilteredShadowMap(inner=inner.of_budget(held, faces), **settings)
+
+    return Sibling(
+        name,
+        of_budget=of_budget,
+        degenerate=lambda side, compare: FilteredShadowMap(
+            "area", width=0, inner=inner.degenerate(side, compare)
+        ),
+        log2_resolution=lambda algorithm, state, points: inner.log2_resolution(
+            algorithm.inner, state.inner, points
+        ),
+        soft=True,
+    )
+
+
+_UNIFORM = Sibling(
+    "uniform",
+    of_budget=lambda texels, faces: UniformShadowMap(isqrt(texels // faces), "both"),
+    degenerate=lambda side, compare: UniformShadowMap(side, compare),
+    log2_resolution=_of_uniform,
+)
+_ADAPTIVE = Sibling(
+    "adaptive",
+    of_budget=lambda texels, faces: AdaptiveShadowMap(
+        memory_bytes=texels * texel_bytes("both"), cost_model=FAST
+    ),
+    degenerate=lambda side, compare: AdaptiveShadowMap(
+        start_resolution=side,
+        cover=False,
+        ratio_target=NEVER,
+        finest_ratio=NEVER,
+        compare=compare,
+        cost_model=FAST,
+    ),
+    log2_resolution=_of_adaptive,
+)
+_LIGHT_SPACE = charted("light-space", LightSpaceShadowMap, {"falloff": "none"})
+
 SIBLINGS = (
-    Sibling(
-        "uniform",
-        of_budget=lambda texels, faces: UniformShadowMap(isqrt(texels // faces), "both"),
-        degenerate=lambda side, compare: UniformShadowMap(side, compare),
-        log2_resolution=_of_uniform,
-    ),
-    Sibling(
-        "adaptive",
-        of_budget=lambda texels, faces: AdaptiveShadowMap(
-            memory_bytes=texels * texel_bytes("both"), cost_model=FAST
-        ),
-        degenerate=lambda side, compare: AdaptiveShadowMap(
-            start_resolution=side,
-            cover=False,
-            ratio_target=NEVER,
-            finest_ratio=NEVER,
-            compare=compare,
-            cost_model=FAST,
-        ),
-        log2_resolution=_of_adaptive,
-    ),
+    _UNIFORM,
+    _ADAPTIVE,
     charted("perspective", PerspectiveShadowMap, {"slide": np.inf}),
-    charted("light-space", LightSpaceShadowMap, {"falloff": "none"}),
+    _LIGHT_SPACE,
     charted("trapezoidal", TrapezoidalShadowMap, {"focus": 1e9}),
     charted("logarithmic", LogarithmicShadowMap, {"ratio": 1.0}),
     charted("partitioned", PartitionedShadowMap, {"partitions": 1}),
     charted("subdivided", SubdividedShadowMap, {"parts": 0}),
     charted("tuned", TunedShadowMap, {"partitions": 1, "warp": "none"}),
+    filtered("filtered", _UNIFORM, kernel="bilinear"),
+    Sibling(
+        "accumulated",
+        of_budget=lambda texels, faces: AccumulatedShadowMap(
+            isqrt(texels // faces), compare="both"
+        ),
+        degenerate=lambda side, compare: AccumulatedShadowMap(side, compare=compare),
+        log2_resolution=_of_uniform,
+        charts=True,
+    ),
+    Sibling(
+        "pcss",
+        of_budget=lambda texels, faces: PCSSShadowMap(isqrt(texels // faces), compare="both"),
+        degenerate=lambda side, compare: PCSSShadowMap(side, compare=compare),
+        log2_resolution=_of_uniform,
+        charts=True,
+    ),
+    Sibling(
+        "moment",
+        of_budget=lambda texels, faces: MomentShadowMap(isqrt(texels // faces)),
+        degenerate=lambda side, compare: MomentShadowMap(side),
+        log2_resolution=_of_uniform,
+        charts=True,
+        depth_only=True,
+    ),
 )
 
 VARIANTS = (
@@ -154,5 +211,8 @@ VARIANTS = (
         ),
         log2_resolution=_of_adaptive,
     ),
+    filtered("filtered-sixteen", _ADAPTIVE),
+    filtered("filtered-dithered", _LIGHT_SPACE, kernel="dithered"),
+    filtered("filtered-original", _UNIFORM, kernel="original", width=1.0),
 )
 """Further settings of algorithms above, for the tests that depend on settings."""

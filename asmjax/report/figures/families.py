@@ -10,8 +10,12 @@ FAMILY_LOOKS: dict[str, tuple[str, str]] = {
     "partitioned": ("#56B4E9", "X"),
     "subdivided": ("#7A3E9D", "*"),
     "tuned": ("#8B5A2B", "p"),
+    "filtered": ("#B22222", "d"),
+    "pcss": ("#44AA99", "<"),
+    "moment": ("#882255", ">"),
+    "accumulated": ("#999933", "8"),
 }
-"""Family to colour (Okabe and Ito's, then a violet and a brown) and marker."""
+"""Family to colour (Okabe and Ito's, then a violet, a brown and a red) and marker."""
 
 _OTHER = ("#000000", "h")
 
