@@ -169,7 +169,12 @@ class Comparing:
                 f"the settings file '{options.settings}' is of {family}, which --methods leaves "
                 "out; name it there, or leave out --settings.",
             )
-        self.scene = load_scene(options.scene, options.variant, trust=options.trust_scene)
+        self.scene = load_scene(
+            options.scene,
+            options.variant,
+            trust=options.trust_scene,
+            limit=limit_of(options.max_memory_mb),
+        )
         self.views = _views(self.scene, options)
         self._samples = list(dict.fromkeys(options.samples))
         limit = limit_of(options.max_memory_mb)

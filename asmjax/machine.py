@@ -43,6 +43,29 @@ def process_bytes() -> int:
     return _own_pages(1)
 
 
+def address_bytes() -> int:
+    """Addresses that this process has now, with memory behind them or not; 0 where it cannot be
+    told."""
+    return _own_pages(0)
+
+
+def peak_bytes() -> int:
+    """The most main memory that this process has held since `forget_peak`; 0 where it cannot be
+    told."""
+    for line in _lines(Path("/proc/self/status")):
+        if line.startswith("VmHWM:"):
+            return int(line.split()[1]) << 10
+    return 0
+
+
+def forget_peak() -> None:
+    """Let `peak_bytes` count anew from here, where the system can."""
+    try:
+        Path("/proc/self/clear_refs").write_text("5")
+    except OSError:
+        return
+
+
 def free_memory_bytes(system: Path = Path("/")) -> int | None:
     """Main memory that this process may still get, bytes; None where it cannot be told.
 
@@ -96,7 +119,7 @@ def _limit_room() -> Iterator[int]:
         return
     most = resource.getrlimit(resource.RLIMIT_AS)[0]
     if most != resource.RLIM_INFINITY:
-        yield most - _own_pages(0)
+        yield most - address_bytes()
 
 
 def _own_pages(column: int) -> int:

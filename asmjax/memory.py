@@ -73,6 +73,11 @@ class Limit:
     held: int
     reason: str
 
+    @property
+    def room(self) -> int | None:
+        """Bytes that are left of it; None where there is no limit."""
+        return None if self.bytes is None else max(0, self.bytes - self.held)
+
 
 @dataclass(frozen=True)
 class Forecast:

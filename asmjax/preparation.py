@@ -96,7 +96,12 @@ def subject_of(
             memory than may be taken.
     """
     progress("scene")
-    scene = load_scene(options.scene, options.variant, trust=options.trust_scene)
+    scene = load_scene(
+        options.scene,
+        options.variant,
+        trust=options.trust_scene,
+        limit=limit_of(options.max_memory_mb),
+    )
     view = chosen_view(scene, options)
     light = scene.light(options.light)
     sight, limit = sight_of(scene, view, options.samples), limit_of(options.max_memory_mb)

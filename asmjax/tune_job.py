@@ -159,7 +159,12 @@ class Tuning:
         self._options, self._start = options, time.perf_counter()
         chosen = default_map(options)
         progress("scene")
-        self.scene = scene = load_scene(options.scene, options.variant, trust=options.trust_scene)
+        self.scene = scene = load_scene(
+            options.scene,
+            options.variant,
+            trust=options.trust_scene,
+            limit=limit_of(options.max_memory_mb),
+        )
         tuned_on, held_out = chosen_views(scene, options)
         sights = [sight_of(scene, view, 1) for view in (*tuned_on, *held_out)]
         stages = trial_stages(sights, [chosen.adaptive], 1, evidence=True)

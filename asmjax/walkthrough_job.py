@@ -123,7 +123,12 @@ class Walk:
             "leave out --frames.",
         )
         self._options, self._progress = options, progress
-        self._scene = scene = load_scene(options.scene, options.variant, trust=options.trust_scene)
+        self._scene = scene = load_scene(
+            options.scene,
+            options.variant,
+            trust=options.trust_scene,
+            limit=limit_of(options.max_memory_mb),
+        )
         self._light = scene.light(options.light)
         self._path, name = camera_path(scene, options)
         self._mover = MovingShapes(scene, options.object) if options.motion == "object" else None

@@ -3,6 +3,7 @@
 from functools import cache
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers.theory import compiled, in_range
@@ -167,6 +168,15 @@ def test_overhead_light_is_one_direction(x64):
         gamma = np.radians([10.0, 40.0, 80.0])
         here, there = (warped(logarithmic)(50.0, angle, 0.1) for angle in (gamma, np.pi - gamma))
         assert_allclose(here, there, rtol=1e-12)
+
+
+def test_overhead_in_float32_is_not_beyond(dtype):
+    """The float32 number nearest to pi / 2 is above it: a flat frustum is not seen from behind."""
+    alpha, gamma = jnp.asarray(1.0, dtype), jnp.asarray(np.float32(np.pi / 2), dtype)
+    found = jax.jit(
+        lambda a, g: theory.direction_factors(a, 1.5607, g, 566_856.0, logarithmic=True).storage
+    )(alpha, gamma)
+    assert np.isfinite(found)
 
 
 @pytest.mark.parametrize(

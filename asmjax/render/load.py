@@ -11,6 +11,7 @@ import numpy as np
 from asmjax.buffers import EyeBuffer
 from asmjax.errors import UseError, unknown_name
 from asmjax.geometry import LightFrame
+from asmjax.memory import Limit, Memory, Stage, check, limit_of
 from asmjax.render.caster import MitsubaRays
 from asmjax.render.emitters import SceneLight, read_emitters
 from asmjax.render.eye import cast_eye
@@ -25,11 +26,16 @@ from asmjax.render.untrusted import admit
 from asmjax.render.variant import activate
 from asmjax.render.working_frame import WORLD, WorkingFrame, working_frame
 from asmjax.scene.builtin import BUILTIN, is_builtin, load_builtin
+from asmjax.scene.file_names import shown
 from asmjax.scene.lights import Eyes, kept_light_frame, light_frame
 from asmjax.scene.soft_visibility import REPEATS, STRATA
-from asmjax.scene.spec import LightSpec, SceneSpec, ViewSpec, pick
+from asmjax.scene.spec import LightSpec, Mesh, SceneSpec, ViewSpec, pick
 
 _log = logging.getLogger("asmjax")
+
+TRIANGLE = Memory(host=20, renderer=150)
+"""Of a triangle that is loaded: its mesh, and the tree in which rays find it. 108 to 163 bytes were
+measured (surface of 2.5 million, terrain)."""
 
 MOST_MOVES = 3
 """Times that a scene file is moved before its frame is taken as it is."""
@@ -144,7 +150,10 @@ class Scene:
 
 
 def load_scene(
-    source: str | os.PathLike | dict | SceneSpec, variant: str | None = None, trust: bool = False
+    source: str | os.PathLike | dict | SceneSpec,
+    variant: str | None = None,
+    trust: bool = False,
+    limit: Limit | None = None,
 ) -> Scene:
     """A scene by built-in name, path of a Mitsuba XML file, Mitsuba dictionary or `SceneSpec`.
 
@@ -155,24 +164,30 @@ def load_scene(
     Args:
         trust: take a scene file as it is, unchecked: it may then crash the process, read any file,
             or run code of its own (docs/scene_files.md).
+        limit: of main memory; `asmjax.memory.limit_of()` if None. Dictionaries and scene files that
+            are taken as they are may pass it: nobody knows their size before.
 
     Raises:
-        UseError: unknown name, missing, malformed or hostile file, or a scene without shapes.
+        UseError: unknown name, missing, malformed or hostile file, a scene without shapes, or one
+            that takes more memory than the limit leaves.
     """
+    limit = limit_of() if limit is None else limit
     if isinstance(source, SceneSpec):
-        return _from_spec(activate(variant), source)
+        return _from_spec(activate(variant), source, limit)
     if isinstance(source, dict):
         mi = activate(variant)
         return _from_mitsuba("dict", ParsedScene(mi, source, "the scene dictionary"), mi)
     name = os.fspath(source)
     if is_builtin(name):
-        return _from_spec(activate(variant), load_builtin(name))
+        return _from_spec(activate(variant), load_builtin(name), limit)
     path = _scene_file(name)
     mi = activate(variant)
-    admitted = None if trust else admit(path, variant)
+    admitted = None if trust else admit(path, variant, limit.room)
+    if admitted is not None:
+        check([Stage(f"scene {shown(path.name)}", Memory(renderer=admitted.bytes))], limit)
     parsed = ParsedScene(mi, path, f"scene file '{name}'")
     if admitted is not None:
-        parsed.check_documents(admitted.documents)
+        parsed.check_documents(admitted.files.documents)
     return _from_mitsuba(path.stem, parsed, mi)
 
 
@@ -229,7 +244,10 @@ def _from_mitsuba(name: str, parsed: ParsedScene, mi) -> Scene:
     return _scene(mi, name, scene, instancing, views, lights, notices, names, working=working)
 
 
-def _from_spec(mi, spec: SceneSpec) -> Scene:
+def _from_spec(mi, spec: SceneSpec, limit: Limit) -> Scene:
+    kept = sum(shape.faces.shape[1] for shape in spec.shapes if isinstance(shape, Mesh))
+    kept += sum(mesh.faces.shape[1] for part in spec.instances for mesh in part.meshes)
+    check([Stage(f"scene '{spec.name}'", kept * TRIANGLE)], limit)
     working = working_frame(spec_bounds(spec))
     parts = {f"shape{i}": mitsuba_shape(mi, s, working) for i, s in enumerate(spec.shapes)}
     names = [shape.name for shape in spec.shapes]

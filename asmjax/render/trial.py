@@ -2,7 +2,9 @@
 
 `python -m asmjax.render.trial VARIANT` reads requests from standard input, one JSON object a line:
 `path` of a scene file, `memory` in bytes of address space, `seconds` of processor time. It answers
-each by a line on standard output: `refused` is null, or what is wrong in words.
+each by a line on standard output: `refused` is null, or what is wrong in words; `bytes` of main
+memory are what loading took at its peak. `room` of a request, or null, are the bytes of addresses
+that it may take besides those of the process.
 `asmjax.render.untrusted` is the other end.
 """
 
@@ -16,10 +18,14 @@ from pathlib import Path
 import numpy as np
 
 from asmjax.errors import UseError, require
+from asmjax.machine import address_bytes, forget_peak, peak_bytes, process_bytes
 from asmjax.render.search_path import only_beside
 from asmjax.render.untrusted import shipped_plugins
 from asmjax.scene.file_names import Folder, shown
 from asmjax.scene.spec import MAX_SIDE
+
+CODE = 2**28
+"""Bytes of addresses for the plugins that a scene loads, besides the memory that it may take."""
 
 LONGEST_REASON = 300
 """Characters of what Mitsuba says that are passed on."""
@@ -44,13 +50,19 @@ def main(variant: str) -> int:
         return 1
     for line in sys.stdin:
         request = json.loads(line)
-        _limit(request["memory"], request["seconds"])
+        memory, room = request["memory"], request["room"]
+        if room is not None:
+            memory = min(memory, address_bytes() + CODE + room)
+        _limit(memory, request["seconds"])
+        forget_peak()
+        before = process_bytes()
         try:
             load(mi, Path(request["path"]))
             refused = None
         except UseError as problem:
             refused = str(problem)
-        print(json.dumps({"refused": refused}), file=answers, flush=True)
+        took = max(0, peak_bytes() - before)
+        print(json.dumps({"refused": refused, "bytes": took}), file=answers, flush=True)
     return 0
 
 
@@ -82,7 +94,9 @@ def load(mi, path: Path) -> None:
     except UseError:
         raise
     except MemoryError as problem:
-        raise UseError("needs too much memory to load; make it smaller.") from problem
+        raise UseError(
+            "needs too much memory to load; make it smaller, or raise --max-memory."
+        ) from problem
     except Exception as problem:
         raise UseError(
             f"is not a scene that Mitsuba can load: {_reason(problem)}; mend the scene."

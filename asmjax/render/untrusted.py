@@ -18,6 +18,7 @@ import time
 from functools import cache
 from importlib.machinery import PathFinder
 from pathlib import Path
+from typing import NamedTuple
 
 from asmjax import paths
 from asmjax.errors import UseError, require
@@ -25,7 +26,7 @@ from asmjax.scene.file_names import shown
 from asmjax.scene.mesh_files import check_mesh_file
 from asmjax.scene.scan import SceneFiles, scan
 
-RULES = 2
+RULES = 3
 """Number of the rules; a change of what is refused forgets what was let through."""
 
 START_SECONDS = 120.0
@@ -49,12 +50,25 @@ KEPT = ("PATH", "HOME", "TMPDIR", "LANG", "LC_ALL", "LD_LIBRARY_PATH", "VIRTUAL_
 KEPT_FAMILIES = ("ASMJAX_", "DRJIT_", "XDG_")
 
 
-def admit(path: Path, variant: str | None = None) -> SceneFiles:
+class Admitted(NamedTuple):
+    """A scene that may be loaded.
+
+    Attributes:
+        files: all that it consists of.
+        bytes: of main memory that loading it took at its peak.
+    """
+
+    files: SceneFiles
+    bytes: int
+
+
+def admit(path: Path, variant: str | None = None, room: int | None = None) -> Admitted:
     """The files of the scene at `path`, if it may be loaded in this process.
 
     Args:
         variant: what it will be loaded in. The child loads it in llvm_ad_rgb if that is asked for,
             otherwise in scalar_rgb, which starts fastest and reads the same files.
+        room: bytes that loading may take; None for no limit but that of `LEAST_MEMORY`.
 
     Raises:
         UseError: it may not; one line with file, place, what is allowed, and what to do.
@@ -62,13 +76,23 @@ def admit(path: Path, variant: str | None = None) -> SceneFiles:
     files = _scanned(path)
     variant = variant if variant == "llvm_ad_rgb" else "scalar_rgb"
     record = paths.cache_dir() / "scenes" / f"{_digest(path, files, variant)}.json"
-    if record.exists():
-        return files
+    known = _kept_bytes(record)
+    if known is not None:
+        return Admitted(files, known)
     check_meshes(files)
     with Trial(variant) as trial:
-        trial.load(path, files.bytes())
-    paths.keep_text(record, json.dumps({"scene": path.name, "rules": RULES}))
-    return files
+        took = trial.load(path, files.bytes(), room=room)
+    paths.keep_text(record, json.dumps({"scene": path.name, "rules": RULES, "bytes": took}))
+    return Admitted(files, took)
+
+
+def _kept_bytes(record: Path) -> int | None:
+    """What loading took when the scene was let through; None where it was not, or says nothing."""
+    try:
+        took = json.loads(record.read_text(encoding="utf-8"))["bytes"]
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+    return took if isinstance(took, int) else None
 
 
 def examine(path: Path, trial: "Trial") -> None:
@@ -157,8 +181,11 @@ class Trial:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def load(self, path: Path, size: int, seconds: float | None = None) -> None:
-        """Load the scene at `path`, whose files have `size` bytes, within `seconds`.
+    def load(
+        self, path: Path, size: int, seconds: float | None = None, room: int | None = None
+    ) -> int:
+        """Load the scene at `path`, whose files have `size` bytes, within `seconds` and `room` more
+        bytes of addresses; the bytes of main memory that it took at its peak.
 
         Raises:
             UseError: Mitsuba refused it, or crashed, or took too long.
@@ -171,6 +198,7 @@ class Trial:
             "path": str(path.absolute()),
             "memory": LEAST_MEMORY + MEMORY_A_BYTE * size,
             "seconds": seconds,
+            "room": room,
         }
         try:
             _pipe(child.stdin).write(json.dumps(request).encode() + b"\n")
@@ -191,6 +219,7 @@ class Trial:
             )
         if answer["refused"] is not None:
             raise UseError(f"{what} {answer['refused']}")
+        return answer["bytes"]
 
     def close(self) -> None:
         """End the child."""

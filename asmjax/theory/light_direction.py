@@ -200,9 +200,9 @@ def _silhouette(a1: Float[Array, "..."], theta: ArrayLike, gamma: ArrayLike) -> 
     """
     tangent, theta, gamma = half_angle_tangent(theta), half_angle(theta), _angle(gamma)
     lower, upper = (jnp.sin(gamma + s * theta) / jnp.cos(theta) for s in (-1, 1))
-    a1, lower, upper, tangent, apart = jnp.broadcast_arrays(
-        a1, lower, upper, tangent, 2 * tangent * jnp.cos(gamma)
-    )
+    # The float32 number nearest to pi / 2 is above it, where the cosine is below 0.
+    apart = 2 * tangent * held(jnp.cos(gamma), 0.0)
+    a1, lower, upper, tangent, apart = jnp.broadcast_arrays(a1, lower, upper, tangent, apart)
     far = 1 + a1
     z = jnp.stack([jnp.ones_like(far), jnp.ones_like(far), far, far])
     # The lower edge begins where v is least: at the near end where it rises, else at the far end.

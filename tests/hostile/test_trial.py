@@ -9,11 +9,15 @@ import types
 import zlib
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from asmjax import cli
 from asmjax.errors import UseError
+from asmjax.machine import process_bytes
+from asmjax.memory import Limit
 from asmjax.render import untrusted
+from asmjax.render.load import load_scene
 from asmjax.render.untrusted import Trial, admit, examine
 from asmjax.scene import mesh_files
 from hostile.building import BALL, mesh_scene, mesh_xml, obj, parts_scene, ply, text_ply
@@ -243,3 +247,28 @@ def test_secrets_stay_in_this_process(monkeypatch):
     monkeypatch.setenv("MY_PASSWORD", "xyz")
     given = untrusted._environment()
     assert "MY_PASSWORD" not in given and given["PATH"] == os.environ["PATH"]
+
+
+def test_loading_keeps_to_the_limit_of_memory(folder):
+    """What loading took is measured in the child and compared with the limit, the second time from
+    the record; a child that would take more than is left is refused there."""
+    count = 200
+    grid = np.stack(np.meshgrid(np.arange(count), np.arange(count)), axis=-1).reshape(-1, 2)
+    vertices = [(float(x), float(y), 4.0) for x, y in grid.tolist()]
+    corner = [k for k in range(count * (count - 1)) if k % count < count - 1]
+    path = mesh_scene(folder, ply(vertices, [(k, k + 1, k + count) for k in corner]))
+    took = admit(path).bytes
+    assert 2**20 < took < 2**28
+    assert admit(path).bytes == took
+    held = process_bytes()
+    load_scene(path, "scalar_rgb", limit=Limit(held + took + 2**20, held, "--max-memory"))
+    message = refusal(
+        lambda: load_scene(path, "scalar_rgb", limit=Limit(held + took // 2, held, "--max-memory"))
+    )
+    assert "renderer memory for scene 'scene.xml'" in message and "raise --max-memory" in message
+    (folder / "a.png").write_bytes(png(8000))
+    texture = '<texture type="bitmap" name="reflectance"><string name="filename" value="a.png"/>'
+    path = parts_scene(folder, f'<bsdf type="diffuse">{texture}</texture></bsdf>', BALL)
+    message = refusal(lambda: admit(path, room=2**20))
+    assert "Mitsuba can load" in message or "memory" in message or "crashed" in message
+    admit(path)
