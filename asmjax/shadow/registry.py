@@ -43,8 +43,8 @@ SOFT: dict[str, type[ShadowAlgorithm]] = {
     "moment": MomentShadowMap,
     "accumulated": AccumulatedShadowMap,
 }
-"""Those that answer with shares of light where a light has a size. Of any other they are the uniform
-map, so that comparisons of hard shadows leave them out."""
+"""Those that answer with shares of light where a light has a size. Of any other they are the
+uniform map, so that comparisons of hard shadows leave them out."""
 
 ALGORITHMS = MAPS | FILTERS | SOFT
 
