@@ -22,7 +22,13 @@ from asmjax.memory import check, limit_of
 from asmjax.options import PlanOptions
 from asmjax.preparation import Progress, StepBar, chosen_view, make_folder, results_folder
 from asmjax.render.load import Scene, load_scene
-from asmjax.render.materials import materials_of, rays_to_surroundings, surroundings_of
+from asmjax.render.materials import (
+    materials_of,
+    rays_to_surroundings,
+    stand_in,
+    surroundings_of,
+    unknown_emitters,
+)
 from asmjax.report.plan_files import write_plan
 from asmjax.report.plan_result import PlanResult
 from asmjax.report.plan_table import plan_table
@@ -127,6 +133,7 @@ def asked_of(
         first_prim=scene.geometry.first_prim,
         materials=materials_of(scene),
         surroundings=surroundings_of(scene),
+        unknown=unknown_emitters(scene),
         lone_convex=_lone_convex(scene, eye.camera.origin),
         moving=moving,
     )
@@ -138,7 +145,7 @@ def _light(scene: Scene, name: str, eye) -> LightAsked:
         frame, why = scene.light_frame(eye, name), ""
     except UseError as problem:
         frame, why = None, str(problem)
-    return LightAsked(spec, frame, lambda: scene.light_rays(name), why)
+    return LightAsked(spec, frame, lambda: scene.light_rays(name), why, stand_in(scene, spec.name))
 
 
 def _lone_convex(scene: Scene, eye: np.ndarray) -> bool:

@@ -158,6 +158,17 @@ def test_lights_without_size_are_hard_whatever_is_asked_for(kind, said):
         assert decision.error == pytest.approx(0.2)
 
 
+def test_a_point_for_a_lamp_says_what_is_missing():
+    """Hard, and its penumbrae not simulated; skipped where they would be below a pixel."""
+    lamp = replace(LAMP, shape=None, point_for_lamp=True)
+    outcome = decide_light(lamp)
+    assert the_decision(outcome).kind == "hard" and not outcome.skipped
+    (missing,) = outcome.not_simulated
+    assert missing.effect == "penumbra" and missing.error == lamp.soft_error
+    small = decide_light(replace(lamp, width_p95=0.5))
+    assert not small.not_simulated and small.skipped[0].effect == "penumbra"
+
+
 def test_force_overrides_the_numbers():
     outcome = decide_light(LAMP, force="hard")
     assert the_decision(outcome).kind == "hard" and the_decision(outcome).forced

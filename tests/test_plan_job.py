@@ -203,6 +203,34 @@ def test_a_soft_light_of_a_mitsuba_scene():
 
 
 @pytest.mark.mitsuba
+def test_what_only_a_point_stands_for_is_said():
+    """A cube that emits is a point; its penumbrae are missing, about those of a sphere as large. A
+    projector is left out, and named."""
+    import asmjax
+    from asmjax.render.variant import activate
+
+    mi = activate()
+    place = mi.ScalarTransform4f().translate([0, 0, 3])
+    radiance = {"type": "rgb", "value": 5.0}
+    emits = {"emitter": {"type": "area", "radiance": radiance}}
+    radius = 0.2 * np.sqrt(6 / np.pi)
+    cube = {"type": "cube", "to_world": place.scale(0.2), **emits}
+    ball = {"type": "sphere", "center": [0, 0, 3], "radius": radius, **emits}
+    plans = [
+        asmjax.plan_effects(asmjax.load_scene(room(mi, {"bsdf": GREY}, lamp)))
+        for lamp in (cube, ball)
+    ]
+    hard, soft = (plan.decisions[0] for plan in plans)
+    assert (hard.kind, soft.kind) == ("hard", "soft")
+    (missing,) = plans[0].not_simulated
+    assert missing.effect == "penumbra" and missing.error == pytest.approx(soft.error, rel=0.02)
+    look = mi.ScalarTransform4f().look_at([0, 0, 3], [0, 0, 0], [0, 1, 0])
+    projector = {"type": "projector", "fov": 45, "to_world": look}
+    plan = asmjax.plan_effects(asmjax.load_scene(room(mi, {"bsdf": GREY}, projector)))
+    assert plan.lights == () and [item.effect for item in plan.not_simulated] == ["a light"]
+
+
+@pytest.mark.mitsuba
 def test_the_cornell_box_is_soft(capsys, tmp_path):
     """From the command line, with table and reasons printed."""
     out = tmp_path / "out"

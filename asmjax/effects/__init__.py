@@ -6,11 +6,11 @@ in docs/effects.md.
 """
 
 from asmjax.effects.asked import LightAsked, SceneAsked
-from asmjax.effects.decide import TOLERANCE, Rates, decide_light
+from asmjax.effects.decide import TOLERANCE, decide_light
 from asmjax.effects.plan import LightSeen, Plan
 from asmjax.effects.planning import plan_lights
 from asmjax.effects.probe import probe_size
-from asmjax.effects.records import Decision, LightNumbers, NotSimulated, Outcome, Skipped
+from asmjax.effects.records import Decision, LightNumbers, NotSimulated, Outcome, Rates, Skipped
 
 __all__ = [
     "TOLERANCE",

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from asmjax.buffers import EyeBuffer, LightRays
-from asmjax.geometry import LightFrame
+from asmjax.geometry import AreaLight, LightFrame
 from asmjax.scene.materials import Materials, Surroundings
 from asmjax.scene.spec import LightSpec, ViewSpec
 
@@ -20,12 +20,15 @@ class LightAsked:
         frame: for what the probe sees; None where it shines on nothing there.
         rays: makes what casts its rays, when they are needed.
         why: there is no frame.
+        stand_in: of a lamp that is represented by a point, a light of about its size; None of all
+            others.
     """
 
     spec: LightSpec
     frame: LightFrame | None
     rays: Callable[[], LightRays]
     why: str = ""
+    stand_in: AreaLight | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +44,7 @@ class SceneAsked:
         first_prim: (n_shapes + 1,) first primitive of each shape, and their number.
         materials: of the shapes.
         surroundings: emitters all around.
+        unknown: names of emitters that are left out of the scene.
         lone_convex: whether one convex object is all there is.
         moving: whether anything moves between frames.
     """
@@ -53,5 +57,6 @@ class SceneAsked:
     first_prim: np.ndarray
     materials: Materials
     surroundings: Sequence[Surroundings] = ()
+    unknown: Sequence[str] = ()
     lone_convex: bool = False
     moving: bool = False

@@ -14,6 +14,7 @@ from asmjax.effects.records import (
     LightNumbers,
     NotSimulated,
     Outcome,
+    Rates,
     Skipped,
     percent,
     pixels,
@@ -52,23 +53,6 @@ HARD, FILTERED, SOFT, WIDEST = (
 """Families of the registry for each kind of shadow; the first that is there is taken."""
 
 FAMILIES = frozenset((*HARD, *FILTERED, *SOFT))
-
-
-@dataclass(frozen=True)
-class Rates:
-    """What things take, seconds; by default as measured on two cores (docs/effects.md).
-
-    Attributes:
-        texel: of a map, cast.
-        ray: a shadow ray.
-        tap: a texel that a pixel reads.
-        measured: whether `texel` is of this machine and scene.
-    """
-
-    texel: float = 1.2e-8
-    ray: float = 2e-8
-    tap: float = 1e-8
-    measured: bool = False
 
 
 def check_force(force: Mapping[str, str], lights: Collection[str]) -> None:
@@ -166,10 +150,7 @@ class _Choice:
         numbers, asked = self.numbers, self.force in ("soft", "all")
         width, error = numbers.width_p95, numbers.soft_error
         if numbers.shape is None:
-            why = _WITHOUT_SIZE[numbers.kind]
-            hard = self._hard(why, "size of the light, scene units", 0.0, 0.0)
-            hard = replace(hard, forced=self.force is not None)
-            return Outcome((hard,), (Skipped(numbers.name, "penumbra", why),))
+            return self._without_size()
         if self.force == "hard":
             why = "hard edges, as was asked for"
             hard = replace(self._by_width(why, SUBPIXEL), forced=True)
@@ -195,6 +176,18 @@ class _Choice:
         if width <= NARROW:
             return self._filtered()
         return self._soft(f"hard edges would change {percent(error)} of the light")
+
+    def _without_size(self) -> Outcome:
+        """Hard; of a lamp that a point stands for, with what is missing."""
+        numbers = self.numbers
+        why = _WITHOUT_SIZE["lamp" if numbers.point_for_lamp else numbers.kind]
+        hard = self._hard(why, "size of the light, scene units", 0.0, 0.0)
+        hard = replace(hard, forced=self.force is not None)
+        missed = numbers.soft_error if numbers.point_for_lamp else 0.0
+        if missed >= self.tolerance and missed > 0 and numbers.width_p95 > SUBPIXEL:
+            wide = f"{why}; as of a sphere of its area they are {pixels(numbers.width_p50)} wide"
+            return Outcome((hard,), (), (NotSimulated(numbers.name, "penumbra", wide, missed),))
+        return Outcome((hard,), (Skipped(numbers.name, "penumbra", why, missed),))
 
     def _without_penumbra(self, hard: Decision) -> Outcome:
         error = self.numbers.soft_error
@@ -334,6 +327,7 @@ _WITHOUT_SIZE = {
     "point": "a point has no penumbra",
     "spot": "the soft rim of a spot's cone is no penumbra",
     "directional": "parallel light has no penumbra",
+    "lamp": "its shape is no rectangle, disk or sphere: a point stands for it, without penumbrae",
 }
 
 

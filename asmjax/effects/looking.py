@@ -14,7 +14,7 @@ from asmjax.effects import probe, widths
 from asmjax.effects.asked import LightAsked, SceneAsked
 from asmjax.effects.plan import LightSeen
 from asmjax.effects.records import LightNumbers
-from asmjax.geometry import LightFrame, sun_light
+from asmjax.geometry import AreaLight, LightFrame, sun_light
 
 SUN_DEG = 0.5338
 """Angular diameter of the sun, as Mitsuba's sunsky has it."""
@@ -53,12 +53,16 @@ def look_at_light(
         pixels=pixels,
         solid_angle=probe.solid_angle(frame, paths),
         lone_convex=asked.lone_convex,
+        point_for_lamp=light.stand_in is not None,
     )
     seen = LightSeen(spec.name, paths.facing.reshape(size), paths.cosine.reshape(size))
     asked_for = force in ("hard", "soft", "all")
     if force == "none" or (not asked_for and (known.share < tolerance or known.lone_convex)):
         return known, seen
-    return _Closer(asked, frame, paths, part, light.rays()).look(known, seen)
+    stand_in = light.stand_in
+    if not frame.perspective:
+        stand_in = sun_light(frame.rotation[0, 2], math.radians(SUN_DEG))
+    return _Closer(asked, frame, paths, part, light.rays(), stand_in).look(known, seen)
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,6 +74,7 @@ class _Closer:
     paths: probe.Paths
     part: np.ndarray
     rays: LightRays
+    stand_in: AreaLight | None
 
     def look(self, known: LightNumbers, seen: LightSeen) -> tuple[LightNumbers, LightSeen]:
         """The same with what rays tell."""
@@ -82,7 +87,7 @@ class _Closer:
             known = self._through(known, hard)
         if self.frame.area is not None:
             return self._penumbra(known, seen, hard)
-        return (known if self.frame.perspective else self._as_the_sun(known, hard)), seen
+        return (known if self.stand_in is None else self._as_if(known, hard, self.stand_in)), seen
 
     def _through(self, known: LightNumbers, hard: probe.HardLook) -> LightNumbers:
         """With what passes through casters."""
@@ -120,12 +125,11 @@ class _Closer:
         known = replace(known, rays=known.rays + blockers.rays, umbra=umbra)
         return known, replace(seen, widest=bound.reshape(eye.size))
 
-    def _as_the_sun(self, known: LightNumbers, hard: probe.HardLook) -> LightNumbers:
-        """With the widths that penumbrae had if parallel light were the sun's: no ray more."""
-        sun = sun_light(self.frame.rotation[0, 2], math.radians(SUN_DEG))
-        ellipse = widths.light_ellipse(self.asked.eye, sun, self.paths, self.scale)
+    def _as_if(self, known: LightNumbers, hard: probe.HardLook, area: AreaLight) -> LightNumbers:
+        """With the widths that penumbrae had if the light had that size: no ray more."""
+        ellipse = widths.light_ellipse(self.asked.eye, area, self.paths, self.scale)
         edges = widths.shadow_edges(self.asked.eye, self.paths, hard, self.scale)
-        k = widths.gap_ratio(sun, self.paths, hard.stop)
+        k = widths.gap_ratio(area, self.paths, hard.stop)
         return self._measured(known, widths.at_edges(ellipse, k, edges), edges)
 
     def _measured(

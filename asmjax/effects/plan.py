@@ -6,8 +6,7 @@ from dataclasses import asdict, dataclass, field
 
 import numpy as np
 
-from asmjax.effects.decide import Rates
-from asmjax.effects.records import Decision, LightNumbers, NotSimulated, Skipped, percent
+from asmjax.effects.records import Decision, LightNumbers, NotSimulated, Rates, Skipped, percent
 from asmjax.scene.spec import ViewSpec
 
 LINE = 100

@@ -12,7 +12,6 @@ from asmjax.effects.decide import (
     FAMILIES,
     SUBPIXEL,
     TOLERANCE,
-    Rates,
     check_force,
     decide_light,
 )
@@ -22,6 +21,7 @@ from asmjax.effects.records import (
     LightNumbers,
     NotSimulated,
     Outcome,
+    Rates,
     Skipped,
     percent,
     pixels,
@@ -86,6 +86,7 @@ def plan_lights(
                 (item for outcome in (*outcomes, sky) for item in outcome.not_simulated),
                 key=lambda item: -item.error,
             )
+            + [_unknown(name) for name in asked.unknown]
         ),
         numbers=tuple(numbers),
         seen=tuple(seen),
@@ -122,7 +123,7 @@ def _parts(
     brought = [
         np.zeros(asked.eye.valid.size)
         if path is None or light.frame is None
-        else probe.irradiance(light.spec, light.frame, path)
+        else probe.irradiance(light.spec, light.frame, path, light.stand_in)
         for light, path in zip(asked.lights, paths, strict=True)
     ]
     around = math.pi * sum(item.radiance for item in asked.surroundings)
@@ -158,6 +159,11 @@ def _surroundings(
         f"shades it; {percent(float(1 - open_[valid].mean()))} of the sky is hidden"
     )
     return Outcome((), (), (NotSimulated(None, "surroundings", why, error),)), cast
+
+
+def _unknown(name: str) -> NotSimulated:
+    why = f"emitters of the kind of '{name}' are left out, and how much they bring is not known"
+    return NotSimulated(None, "a light", why)
 
 
 def _of_scene(asked: SceneAsked) -> list[Skipped]:

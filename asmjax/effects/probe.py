@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from asmjax.buffers import EyeBuffer, LightRays
-from asmjax.geometry import LightFrame, in_domain
+from asmjax.geometry import AreaLight, LightFrame, in_domain
 from asmjax.scene.materials import Materials
 from asmjax.scene.spec import LightSpec
 
@@ -83,8 +83,11 @@ def light_paths(eye: EyeBuffer, frame: LightFrame) -> Paths:
     return Paths(origin, along, distance, shone_on & (cosine > 0), cosine)
 
 
-def irradiance(light: LightSpec, frame: LightFrame, paths: Paths) -> np.ndarray:
-    """What the light brings to each pixel (n,) where nothing shades it, as luminance.
+def irradiance(
+    light: LightSpec, frame: LightFrame, paths: Paths, stand_in: AreaLight | None = None
+) -> np.ndarray:
+    """What the light brings to each pixel (n,) where nothing shades it, as luminance; with the area
+    of `stand_in` where it is a point for something else.
 
     Of a flat light and a sphere the solid angle is A cos / d^2 (section 12.2 of the reference:
     exact far away).
@@ -93,14 +96,14 @@ def irradiance(light: LightSpec, frame: LightFrame, paths: Paths) -> np.ndarray:
     if light.kind == "directional":
         return light.intensity * cosine
     squared = np.where(paths.facing, paths.distance, 1.0) ** 2
-    return light.intensity * cosine * seen_area(frame, paths) / squared
+    return light.intensity * cosine * seen_area(stand_in or frame.area, frame, paths) / squared
 
 
-def seen_area(frame: LightFrame, paths: Paths) -> np.ndarray:
+def seen_area(area: AreaLight | None, frame: LightFrame, paths: Paths) -> np.ndarray:
     """Area (n,) of the light as each receiver sees it, scene units squared; 1 of a point."""
-    if frame.area is None or not frame.perspective:
+    if area is None or not frame.perspective:
         return np.ones_like(paths.distance)
-    return np.pi / 4 * np.asarray(frame.area.effective_width(paths.along)) ** 2
+    return np.pi / 4 * np.asarray(area.effective_width(paths.along)) ** 2
 
 
 def solid_angle(frame: LightFrame, paths: Paths) -> float:
@@ -110,7 +113,7 @@ def solid_angle(frame: LightFrame, paths: Paths) -> float:
     if not frame.perspective:
         return float(frame.area.area)
     facing = paths.facing
-    angles = seen_area(frame, paths)[facing] / paths.distance[facing] ** 2
+    angles = seen_area(frame.area, frame, paths)[facing] / paths.distance[facing] ** 2
     return float(min(np.median(angles), 2 * np.pi))
 
 

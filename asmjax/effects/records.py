@@ -17,6 +17,8 @@ class LightNumbers:
         name: of the light.
         kind: "point", "spot" or "directional".
         shape: of its area, "rectangle", "disk", "sphere" or "sun"; None for a light without size.
+        point_for_lamp: whether it is a point in place of a lamp of another shape, whose penumbrae
+            are estimated as those of a sphere.
         share: part of the light that comes from here.
         facing: part of the pixels that it shines on.
         faces: of its map.
@@ -39,6 +41,7 @@ class LightNumbers:
     name: str
     kind: str
     shape: str | None = None
+    point_for_lamp: bool = False
     share: float = 1.0
     facing: float = 1.0
     faces: int = 1
@@ -154,6 +157,23 @@ class Outcome:
     decisions: tuple[Decision, ...]
     skipped: tuple[Skipped, ...] = ()
     not_simulated: tuple[NotSimulated, ...] = ()
+
+
+@dataclass(frozen=True)
+class Rates:
+    """What things take, seconds; by default as measured on two cores (docs/effects.md).
+
+    Attributes:
+        texel: of a map, cast.
+        ray: a shadow ray.
+        tap: a texel that a pixel reads.
+        measured: whether `texel` is of this machine and scene.
+    """
+
+    texel: float = 1.2e-8
+    ray: float = 2e-8
+    tap: float = 1e-8
+    measured: bool = False
 
 
 def percent(part: float) -> str:

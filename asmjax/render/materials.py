@@ -1,10 +1,14 @@
 """What of a Mitsuba scene lets light through, and which of its emitters surround it."""
 
+from typing import Any
+
 import numpy as np
 
+from asmjax.geometry import AreaLight, sphere_light
 from asmjax.render.area_emitters import LUMINANCE
 from asmjax.render.caster import MitsubaRays
 from asmjax.render.load import Scene
+from asmjax.render.sensors import plugin_names
 from asmjax.scene.materials import Materials, Surroundings
 
 PLACES = 8
@@ -82,10 +86,35 @@ def _inside(mi, shape) -> float:
 def surroundings_of(scene: Scene) -> tuple[Surroundings, ...]:
     """The emitters all around a scene, with their mean radiance."""
     return tuple(
-        Surroundings(emitter.id(), _mean_radiance(scene._mi, emitter))
-        for emitter in scene._scene.emitters()
+        Surroundings(name, _mean_radiance(scene._mi, emitter))
+        for name, emitter in _emitters(scene)
         if emitter.is_environment()
     )
+
+
+def unknown_emitters(scene: Scene) -> tuple[str, ...]:
+    """Names of the emitters that are neither lights of the scene nor around it."""
+    return tuple(
+        name
+        for name, emitter in _emitters(scene)
+        if name not in scene.lights and not emitter.is_environment()
+    )
+
+
+def _emitters(scene: Scene) -> list[tuple[str, Any]]:
+    emitters = scene._scene.emitters()
+    return [*zip(plugin_names(emitters, "light"), emitters, strict=True)]
+
+
+def stand_in(scene: Scene, light: str) -> AreaLight | None:
+    """For a lamp that a point stands for, a sphere that looks as large, on average over directions
+    if the lamp is convex (Cauchy: a quarter of its surface); None for all other lights."""
+    item = scene.lights[light]
+    if item.shape is None or item.spec.area is not None:
+        return None
+    surface = float(np.array(scene._scene.shapes()[item.shape].surface_area()).ravel()[0])
+    radius = float(np.sqrt(surface / (4 * np.pi))) / scene.working.scale
+    return sphere_light(item.spec.position, radius) if radius > 0 else None
 
 
 def rays_to_surroundings(scene: Scene) -> MitsubaRays:

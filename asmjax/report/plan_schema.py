@@ -48,6 +48,7 @@ _NUMBERS = {
     "name": Key("text", "of the light"),
     "kind": Key("text", "point, spot or directional"),
     "shape": Key("text", "rectangle, disk, sphere or sun; null without size", nullable=True),
+    "point_for_lamp": Key("flag", "whether a point stands for a lamp of another shape"),
     "share": Key("fraction", "part of the light that comes from here"),
     "facing": Key("fraction", "part of the pixels that it shines on"),
     "faces": Key("count", "of its map"),
