@@ -5,6 +5,7 @@ from typing import Any
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers.analytic_cases import kept_arrays, moved, random_rotation
@@ -20,14 +21,17 @@ from helpers.soft_cases import (
     traced_soft_case,
 )
 
+from asmjax.buffers import light_offset, project
 from asmjax.errors import UseError
 from asmjax.experiment.traces import counted_traces
 from asmjax.geometry import disk_light, rectangle_light, sphere_light, sun_light
 from asmjax.scene.analytic_rays import AnalyticRays
 from asmjax.scene.closed_forms import half_plane_square_visibility
 from asmjax.scene.spec import LightSpec, Rectangle, Sphere, ViewSpec
-from asmjax.shadow import PCSSShadowMap, UniformShadowMap
-from asmjax.shadow.soft.light_taps import taps_of
+from asmjax.shadow import MomentShadowMap, PCSSShadowMap, UniformShadowMap
+from asmjax.shadow.soft.light_taps import seen, taps_of
+from asmjax.shadow.soft.nearest import least_depths, least_in, sides
+from asmjax.shadow.soft.wide_map import search_depth
 
 SIDE = 96
 FLOOR = Rectangle("floor", (0.0, 0.0, 0.0), (6.0, 0.0, 0.0), (0.0, 6.0, 0.0))
@@ -166,6 +170,71 @@ def test_maps_go_on_beyond_the_image():
     assert case.expected[case.judged].min() < 0.9
     _, lit = asked(PCSSShadowMap(256), case)
     assert mean_error(case, lit) < 0.02
+
+
+def test_a_lamp_in_a_room_beats_the_uniform_map():
+    """A ceiling a little above the lamp and walls beside the floor are before no receiver, near as
+    they are; the faces of a cube see them all."""
+    room = (
+        FLOOR,
+        Rectangle("ceiling", (0.0, 0.0, 3.01), (2.0, 0.0, 0.0), (0.0, 2.0, 0.0)),
+        Rectangle("wall", (1.2, 0.0, 1.5), (0.0, 2.0, 0.0), (0.0, 0.0, 1.5)),
+        Sphere("ball", (0.3, 0.1, 0.8), 0.4),
+    )
+    place = (0.0, 0.0, 3.0)
+    light = LightSpec("lamp", "point", position=place, area=square_light(0.4).at(place))
+    view = ViewSpec("v", (-3.0, -2.0, 2.0), (0.8, 0.2, 0.5), (0.0, 0.0, 1.0), 60.0, SIDE, SIDE)
+    case = traced_soft_case(room, view, light)
+    case = replace(case, judged=case.eye.valid & (case.eye.shape != 1))
+    hard = mean_error(case, asked(UniformShadowMap(256), case)[1])
+    for algorithm, most in ((PCSSShadowMap(256), 0.6), (MomentShadowMap(256), 0.8)):
+        assert mean_error(case, asked(algorithm, case)[1]) < most * hard, algorithm.name
+
+
+def test_a_near_caster_elsewhere_widens_no_search():
+    """A shade close before the lamp, far aside of what is judged: receivers look for blockers at
+    the bar's depth of 4, or nowhere."""
+    bar = Rectangle("bar", (0.0, 0.0, 1.0), (0.06, 0.0, 0.0), (0.0, 3.0, 0.0))
+    shade = Rectangle("shade", (0.22, 0.0, 4.8), (0.02, 0.0, 0.0), (0.0, 0.02, 0.0))
+    light = LightSpec("lamp", "point", position=(0.0, 0.0, HEIGHT), area=square_light(0.1))
+    case = traced_soft_case((FLOOR, bar, shade), replace(ABOVE, fov_x_deg=70.0), light, 1)
+    algorithm, points = PCSSShadowMap(256), case.eye.points
+    texels = algorithm.texels(algorithm.build(case.eye, case.frame, case.rays))
+    receivers = project(points, case.frame, light_offset(points, case.frame))
+    assert case.frame.area is not None and float(texels.nearest) < 0.3
+    light_seen = seen(case.frame, case.frame.area, receivers)
+    depth = np.asarray(search_depth(texels, light_seen, receivers, 256))
+    x, y, _ = case.eye.world
+    with np.errstate(invalid="ignore"):
+        near = case.judged & (np.abs(y) < 2)
+        below, beside = near & (np.abs(x) < 0.05), near & (np.abs(x + 1) < 0.3)
+    np.testing.assert_allclose(depth[below], 4.0, atol=0.1)
+    np.testing.assert_allclose(depth[beside], 5.0, atol=0.2)
+
+
+@pytest.mark.parametrize("resolution", [1, 5, 64, 100])
+def test_least_depths_of_windows(resolution):
+    """No texel of a window is nearer than what is said, and a texel of one four times as wide is as
+    near."""
+    rng = np.random.default_rng(resolution)
+    depth = rng.uniform(1, 9, (2, resolution, resolution)).astype(np.float32)
+    depth[rng.random(depth.shape) < 0.3] = np.inf
+    cells = least_depths(depth)
+    assert cells.size == 2 * sum(side**2 for side in sides(resolution))
+    low = rng.uniform(-2, resolution, (2, 64)).astype(np.float32)
+    high = low + rng.uniform(0, resolution, (1, 64)).astype(np.float32)
+    face = rng.integers(0, 2, 64).astype(np.int32)
+    given = [jnp.asarray(a) for a in (cells, face, low, high)]
+    found = np.asarray(least_in(given[0], given[1], given[2], given[3], resolution, 2))
+    for k in range(64):
+        near, wide = (
+            [np.clip(np.array([low[a, k] - more, high[a, k] + more]), 0, resolution).astype(int)
+             for a in range(2)]
+            for more in (0.0, 4.0 + 2 * (high[0, k] - low[0, k]))
+        )  # fmt: skip
+        inside, around = (depth[face[k], y[0] : y[1] + 1, x[0] : x[1] + 1] for x, y in (near, wide))
+        assert found[k] <= inside.min(initial=np.inf)
+        assert found[k] >= around.min(initial=np.inf)
 
 
 def test_verbs_under_a_light_with_a_size():

@@ -95,8 +95,10 @@ def _disk_of_sphere(half, place, depth):
 
 class Shift(NamedTuple):
     """In image coordinates, u and v rows (n,): the light's centre is seen `centre` beside a
-    receiver's own place, and its point (a, b) a `axis_u` + b `axis_v` further."""
+    receiver's own place, and its point (a, b) a `axis_u` + b `axis_v` further. All are in
+    proportion to `scale` (n,), which falls with the depth."""
 
+    scale: Float[Array, " n"]
     centre: list
     axis_u: list
     axis_v: list
@@ -105,6 +107,13 @@ class Shift(NamedTuple):
         parts = zip(self.centre, self.axis_u, self.axis_v, strict=True)
         return jnp.stack([c + a * u + b * v for c, u, v in parts])
 
+    def half_box(self, rectangle: bool) -> list:
+        """Half sides, u and v rows (n,), of the box around all of the light."""
+        pairs = zip(self.axis_u, self.axis_v, strict=True)
+        if rectangle:
+            return [jnp.abs(u) + jnp.abs(v) for u, v in pairs]
+        return [jnp.hypot(u, v) for u, v in pairs]
+
 
 def shift_at(
     light: Seen, frame: LightFrame, receivers: Receivers, blocker: Float[Array, "..."]
@@ -112,23 +121,27 @@ def shift_at(
     """Where receivers see the light at the depth `blocker`, a number or (n,); at their own place
     where that is not nearer than they are."""
     dtype = light.depth.dtype
+    scale = scale_at(light, frame, blocker)
     extent = jnp.asarray(frame.extent, dtype)
     per_plane = [
         1 / (extent[0, k] if frame.faces == 1 else extent[receivers.face, k]) for k in range(2)
     ]
-    gap = jnp.maximum(light.depth - blocker, 0)
-    if not frame.perspective:
-        scale, along = -gap, [jnp.zeros((), dtype)] * 2
-    else:
-        floor = least_depth(dtype)
-        away = jnp.maximum(light.depth - light.centre[2], floor)
-        scale = jnp.minimum(gap / away, 1) / jnp.maximum(blocker, floor)
-        along = light.place
+    along = light.place if frame.perspective else [jnp.zeros((), dtype)] * 2
 
     def image(vector):
         return [(vector[k] - along[k] * vector[2]) * scale * per_plane[k] for k in range(2)]
 
-    return Shift(image(light.centre), image(light.axis_u), image(light.axis_v))
+    return Shift(scale, image(light.centre), image(light.axis_u), image(light.axis_v))
+
+
+def scale_at(light: Seen, frame: LightFrame, blocker: Float[Array, "..."]) -> Float[Array, " n"]:
+    """Plane units of shift (n,) per unit of the light at the depth `blocker`: tau / d, or d - z."""
+    gap = jnp.maximum(light.depth - blocker, 0)
+    if not frame.perspective:
+        return -gap
+    floor = least_depth(light.depth.dtype)
+    away = jnp.maximum(light.depth - light.centre[2], floor)
+    return jnp.minimum(gap / away, 1) / jnp.maximum(blocker, floor)
 
 
 class Horizon(NamedTuple):

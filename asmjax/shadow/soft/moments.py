@@ -13,9 +13,15 @@ from asmjax.errors import require
 from asmjax.geometry import LightFrame
 from asmjax.shadow.comparison import BIAS, FLATTEST, bias_distance
 from asmjax.shadow.soft.hamburger import mean_blocker, shadow_intensity
-from asmjax.shadow.soft.light_taps import Shift, horizon, seen, share_above, shift_at, taps_of
+from asmjax.shadow.soft.light_taps import horizon, seen, share_above, shift_at, taps_of
 from asmjax.shadow.soft.summed import BYTES, Sums, scaled, summed, unscaled, window_moments
-from asmjax.shadow.soft.wide_map import WideShadowMap, WideState, WideTexels, of_face
+from asmjax.shadow.soft.wide_map import (
+    WideShadowMap,
+    WideState,
+    WideTexels,
+    of_face,
+    search_depth,
+)
 
 WIDEST_KERNEL = 1024.0
 """Texels a side of the widest filter under a light without size."""
@@ -102,17 +108,6 @@ class _Window(NamedTuple):
     half: list
 
 
-def _around(shift: Shift, rectangle: bool, *, whole: bool) -> _Window:
-    """The window about all of the light, or about what is spread as widely as it."""
-    pairs = list(zip(shift.axis_u, shift.axis_v, strict=True))
-    if rectangle and whole:
-        half = [jnp.abs(u) + jnp.abs(v) for u, v in pairs]
-    else:
-        size = 1.0 if rectangle or whole else DISK
-        half = [size * jnp.hypot(u, v) for u, v in pairs]
-    return _Window(list(shift.centre), half)
-
-
 @eqx.filter_jit
 def _visibility(
     texels: WideTexels, sums: Sums, points, offset, taps, resolution: int, kernel, bias
@@ -126,12 +121,14 @@ def _visibility(
                          kernel, bias)  # fmt: skip
         return jnp.where(receivers.facing, 1 - dark, 0)
     light, rectangle = seen(frame, frame.area, receivers), frame.area.shape == "rectangle"
-    nearest = jnp.asarray(texels.nearest, dtype)
+    nearest = search_depth(texels, light, receivers, resolution)
     widest = shift_at(light, frame, receivers, nearest)
-    search = _around(widest, rectangle, whole=True)
+    search = _Window(widest.centre, widest.half_box(rectangle))
     share, blocker = _asked(texels, sums, receivers, search, resolution, kernel, bias)
     filtered = shift_at(light, frame, receivers, jnp.maximum(blocker, nearest))
-    window = _around(filtered, rectangle, whole=False)
+    pairs = zip(filtered.axis_u, filtered.axis_v, strict=True)
+    spread = [(1.0 if rectangle else DISK) * jnp.hypot(u, v) for u, v in pairs]
+    window = _Window(filtered.centre, spread)
     dark, _ = _asked(texels, sums, receivers, window, resolution, kernel, bias)
     # What is below the horizon may be what is blocked, too.
     above = share_above(horizon(light, frame, receivers), jnp.asarray(taps, dtype))

@@ -12,8 +12,14 @@ from asmjax.buffers import SurfacePoints, light_offset, project
 from asmjax.errors import require
 from asmjax.geometry import LightFrame
 from asmjax.shadow.comparison import BIAS, Compare
-from asmjax.shadow.soft.light_taps import horizon, seen, shift_at, taps_of
-from asmjax.shadow.soft.wide_map import WideShadowMap, WideState, WideTexels, tapped
+from asmjax.shadow.soft.light_taps import horizon, scale_at, seen, shift_at, taps_of
+from asmjax.shadow.soft.wide_map import (
+    WideShadowMap,
+    WideState,
+    WideTexels,
+    search_depth,
+    tapped,
+)
 
 MOST_TAPS = 2**12
 """Taps of a search or a filter, at most."""
@@ -22,8 +28,8 @@ MOST_TAPS = 2**12
 class PCSSShadowMap(WideShadowMap):
     """Fernando 2005: a flat map, asked three times for each receiver.
 
-    1. Where rays to the light pass at the depth of the nearest caster, texels that shade the
-       receiver are looked for; d_b is the mean of their depths.
+    1. Where rays to the light pass at the depth of the nearest caster, texels are looked for that
+       shade the receiver and stand before the light at their own depth; d_b is the mean of these.
     2. w = w_light (d_r - d_b) / d_b is the penumbra.
     3. Visibility is the lit share of the texels where rays to the light pass at the depth d_b: of a
        light parallel to the map, a filter of width w.
@@ -98,22 +104,27 @@ def _visibility(
     def ask(shift, tap):
         return tapped(texels, receivers, shift.at(*tap), resolution, bias, by_depth)
 
-    search = shift_at(light, texels.frame, receivers, jnp.asarray(texels.nearest, dtype))
+    frame, rectangle = texels.frame, texels.frame.area.shape == "rectangle"
+    search = shift_at(light, frame, receivers, search_depth(texels, light, receivers, resolution))
 
     def look(carry, tap):
         count, total = carry
         found = ask(search, tap)
-        # What is farther than the receiver is not on its way to the light, whatever an id says.
+        # What is farther than the receiver is not on its way to the light, whatever an id says; nor
+        # is what stands aside of the light as the receiver sees it at that depth.
+        reach = jnp.maximum(*jnp.abs(tap)) if rectangle else jnp.hypot(*tap)
+        seen_at = jnp.abs(scale_at(light, frame, found.depth))
         blocks = ~found.lit & (found.depth < receivers.depth)
+        blocks &= jnp.abs(search.scale) * reach <= seen_at
         total = total + jnp.where(blocks, found.depth, 0)
         return (count + blocks.astype(dtype), total), None
 
     (count, total), _ = jax.lax.scan(look, (none, none), blocker_taps)
     blocked = count > 0
     blocker = jnp.where(blocked, total / jnp.where(blocked, count, 1), receivers.depth)
-    filtered = shift_at(light, texels.frame, receivers, blocker)
+    filtered = shift_at(light, frame, receivers, blocker)
 
-    heights = horizon(light, texels.frame, receivers)
+    heights = horizon(light, frame, receivers)
 
     def pass_through(lit, tap):
         passes = heights.above(*tap) & (ask(filtered, tap).lit | ~blocked)

@@ -8,6 +8,7 @@ size it is the uniform map, bit by bit.
 import abc
 import time
 from collections.abc import Hashable
+from dataclasses import replace
 from typing import ClassVar, NamedTuple
 
 import equinox as eqx
@@ -31,11 +32,16 @@ from asmjax.memory import Memory
 from asmjax.shadow.base import Cost, MapMemory, ShadowAlgorithm, Status, array_bytes
 from asmjax.shadow.comparison import Compare, check_test, lit_by_texel, pack_prim, texel_bytes
 from asmjax.shadow.neighbourhood import Neighbourhood
+from asmjax.shadow.soft.light_taps import Seen, shift_at
+from asmjax.shadow.soft.nearest import least_depths, least_in, sides
 from asmjax.shadow.uniform import LARGEST, UniformShadowMap, UniformState
 
 WIDEST_MARGIN = 0.5
 """Parts of the image that a map goes on for on each side, at most: its texels are twice as wide
 then. What casts from still further away is taken for what lies at the border."""
+
+NARROWINGS = 3
+"""How often a search for blockers looks how near the nearest one of its window is."""
 
 PROBE = 64
 """Rays a side that look for the nearest caster."""
@@ -48,12 +54,14 @@ class WideState(eqx.Module):
         flat: the texels; those of a uniform map where the rest is None.
         margin: (faces, 2) float64, in parts of the image, on each side in u and v.
         nearest: () float64 axial depth of the nearest caster, scene units.
+        least: least depths of windows (`nearest.least_depths`), scene units.
         sums: what the family keeps of the depths besides, as arrays.
     """
 
     flat: UniformState
     margin: np.ndarray | None = None
     nearest: np.ndarray | None = None
+    least: Float[Array, " cells"] | None = None
     sums: PyTree = None
 
 
@@ -65,6 +73,7 @@ class WideTexels(NamedTuple):
     prim: UInt16[Array, " texels"] | None
     margin: np.ndarray | Array
     nearest: np.ndarray | Array
+    least: Float[Array, " cells"] | None
 
 
 class WideShadowMap(ShadowAlgorithm[WideState]):
@@ -125,25 +134,29 @@ class WideShadowMap(ShadowAlgorithm[WideState]):
         texel = (1 + 2 * margin.T) / self.resolution
         windows = TexelWindows(np.arange(frame.faces), -margin.T, texel, self.resolution)
         buffer = rays.light_buffer(frame, windows)
-        hit = np.isfinite(buffer.depth)
-        sums = self.sums_of(buffer.depth)
+        texels = buffer.depth
+        if frame.area is not None:
+            texels = np.where(behind_emitter(frame, windows), np.float32(np.inf), texels)
+        hit = np.isfinite(texels)
+        sums = self.sums_of(texels)
+        least = None if frame.area is None else jax.device_put(least_depths(texels))
         # Sums of depths stand for the depths.
-        depth = None if sums is not None else jax.device_put(buffer.depth.reshape(-1))
+        depth = None if sums is not None else jax.device_put(texels.reshape(-1))
         prim = None
         if self.compare != "depth":
             prim = pack_prim(jax.device_put(buffer.prim.reshape(-1)))
-        jax.block_until_ready((depth, prim, sums))
+        jax.block_until_ready((depth, prim, sums, least))
         seconds = time.perf_counter() - start
         flat = UniformState(frame, depth, prim, seconds, windows.texels + probes)
-        nearest = max(float(buffer.depth.min(where=hit, initial=np.inf)), frame.near)
+        nearest = max(float(texels.min(where=hit, initial=np.inf)), frame.near)
         nearest = np.asarray(nearest if hit.any() else 1.0)
-        return WideState(flat, margin, nearest, sums)
+        return WideState(flat, margin, nearest, least, sums)
 
     def update(self, state, view, frame, rays, moved=None) -> WideState:
         """Drawn anew, or kept (`keep`); a kept map's build took no time and no rays."""
         if self.keep and moved is None and eqx.tree_equal(state.flat.frame, frame):
             rested = UniformState(frame, state.flat.depth, state.flat.prim, 0.0, 0)
-            return WideState(rested, state.margin, state.nearest, state.sums)
+            return replace(state, flat=rested)
         return self.build(view, frame, rays)
 
     def warm_up(self, state: WideState, view: EyeBuffer, frame: LightFrame) -> None:
@@ -183,8 +196,13 @@ class WideShadowMap(ShadowAlgorithm[WideState]):
         return Cost(
             texels=self.resolution**2 * state.flat.frame.faces,
             bytes=array_bytes(
-                state.flat.depth, state.flat.prim, state.margin, state.nearest, state.sums
-            ),
+                state.flat.depth,
+                state.flat.prim,
+                state.margin,
+                state.nearest,
+                state.least,
+                state.sums,
+            ),  # fmt: skip
             rays=state.flat.rays,
             passes=2 if probed else 1,
             seconds={"build": state.flat.seconds, "analysis": 0.0},
@@ -197,7 +215,8 @@ class WideShadowMap(ShadowAlgorithm[WideState]):
         kept = texel_bytes("depth" if self.compare == "depth" else "both")
         if self.sum_bytes:
             texels, kept = faces * (self.resolution + 1) ** 2, self.sum_bytes
-        state = texels * Memory(device=kept) + Memory(host=16 * faces + 16)
+        cells = faces * sum(side**2 for side in sides(self.resolution))
+        state = texels * Memory(device=kept) + Memory(host=16 * faces + 16, device=4 * cells)
         return MapMemory(state, state + texels * Memory(8 + 2 * self.sum_bytes, 8, 8))
 
     def status(self, state: WideState) -> Status:
@@ -213,7 +232,9 @@ class WideShadowMap(ShadowAlgorithm[WideState]):
         """Of a state that is no uniform map."""
         flat = state.flat
         assert state.margin is not None and state.nearest is not None
-        return WideTexels(flat.frame, flat.depth, flat.prim, state.margin, state.nearest)
+        return WideTexels(
+            flat.frame, flat.depth, flat.prim, state.margin, state.nearest, state.least
+        )
 
 
 def margins(frame: LightFrame, rays: LightRays) -> np.ndarray:
@@ -228,7 +249,7 @@ def margins(frame: LightFrame, rays: LightRays) -> np.ndarray:
     corner = np.full((2, frame.faces), -WIDEST_MARGIN)
     windows = TexelWindows(np.arange(frame.faces), corner, texel, PROBE)
     depth = rays.light_buffer(frame, windows).depth
-    met = depth[np.isfinite(depth)].astype(np.float64)
+    met = depth[np.isfinite(depth) & ~behind_emitter(frame, windows)].astype(np.float64)
     if met.size == 0:
         return np.zeros((frame.faces, 2))
     # A light that is tilted to the face is nearer to its receivers on one side, by its radius.
@@ -242,6 +263,43 @@ def margins(frame: LightFrame, rays: LightRays) -> np.ndarray:
         outermost = np.maximum(np.abs(frame.corner), np.abs(frame.corner + frame.extent))
         across = across + outermost * frame.area.extent_along(frame.rotation[:, 2].T)[:, None]
     return np.minimum(across * reach / frame.extent, WIDEST_MARGIN)
+
+
+def behind_emitter(frame: LightFrame, windows: TexelWindows) -> np.ndarray:
+    """(faces, N, N) texels whose rays leave a flat light on the side that does not emit: what they
+    meet, such as the ceiling that a lamp is set in, is before no receiver."""
+    area = frame.area
+    assert area is not None
+    if not area.is_flat:
+        return np.zeros((windows.count, windows.side, windows.side), bool)
+    start, step = windows.plane(frame)
+    at = np.arange(windows.side)
+    x, y = (start[k][:, None] + at * step[k][:, None] for k in range(2))
+    normal = frame.rotation @ area.normal
+    across = normal[:, 0, None] * x + normal[:, 2, None]
+    return across[:, None, :] + (normal[:, 1, None] * y)[:, :, None] <= 0
+
+
+def search_depth(
+    texels: WideTexels, light: Seen, receivers: Receivers, resolution: int
+) -> Float[Array, " n"]:
+    """A depth (n,) before which no caster stands between each receiver and the light; that of the
+    receiver where none does at all."""
+    frame = texels.frame
+    assert texels.least is not None and frame.area is not None
+    rectangle = frame.area.shape == "rectangle"
+    margin = of_face(texels.margin, receivers)
+    per_texel = resolution / (1 + 2 * margin)
+    depth = jnp.minimum(jnp.asarray(texels.nearest, receivers.depth.dtype), receivers.depth)
+    for _ in range(NARROWINGS):
+        shift = shift_at(light, frame, receivers, depth)
+        centre = (receivers.uv + jnp.stack(shift.centre) + margin) * per_texel
+        half = jnp.stack(shift.half_box(rectangle)) * per_texel
+        least = least_in(
+            texels.least, receivers.face, centre - half, centre + half, resolution, frame.faces
+        )
+        depth = jnp.maximum(depth, jnp.minimum(least, receivers.depth))
+    return depth
 
 
 class Tapped(NamedTuple):
