@@ -20,7 +20,14 @@ from asmjax.errors import UseError
 from asmjax.job_memory import Sight, plan_stages
 from asmjax.memory import check, limit_of
 from asmjax.options import PlanOptions
-from asmjax.preparation import Progress, StepBar, chosen_view, make_folder, results_folder
+from asmjax.preparation import (
+    Progress,
+    StepBar,
+    calibrated,
+    chosen_view,
+    make_folder,
+    results_folder,
+)
 from asmjax.render.load import Scene, load_scene
 from asmjax.render.materials import (
     materials_of,
@@ -79,9 +86,8 @@ def plan_scene(options: PlanOptions, progress: Progress = lambda _: None) -> Pla
     memory = check(plan_stages(sight), limit_of(options.max_memory_mb))
     progress("probe")
     asked = asked_of(scene, view, [scene.light(name).name for name in options.lights])
-    plan = plan_lights(
-        asked, options.tolerance, force, ALGORITHMS, known_rates(scene), options.seed
-    )  # fmt: skip
+    rates = measured_rates(scene, asked, options) if options.recalibrate else known_rates(scene)
+    plan = plan_lights(asked, options.tolerance, force, ALGORITHMS, rates, options.seed)
     return PlanResult(plan, asked.eye, scene.variant, scene.notices, memory)
 
 
@@ -167,6 +173,15 @@ def known_rates(scene: Scene) -> Rates:
         )
         model = kept_model(what)
         if model is not None:
+            return Rates(texel=model.a_seconds_per_texel, measured=True)
+    return Rates()
+
+
+def measured_rates(scene: Scene, asked: SceneAsked, options: PlanOptions) -> Rates:
+    """The same, measured now and kept for later; of the first light that shines on anything."""
+    for light in asked.lights:
+        if light.frame is not None:
+            model = calibrated(scene, light.spec, light.rays(), light.frame, options)
             return Rates(texel=model.a_seconds_per_texel, measured=True)
     return Rates()
 

@@ -316,7 +316,7 @@ def adaptive_map(options: MapJobOptions) -> AdaptiveShadowMap:
 
 
 def calibrated(
-    scene: Scene, light: LightSpec, rays: LightRays, frame: LightFrame, options: JobOptions
+    scene: Scene, light: LightSpec, rays: LightRays, frame: LightFrame, options: ViewJobOptions
 ) -> CostModel:
     """What casting texels costs in this scene on this machine: kept from an earlier run if that
     measured it, and if the options do not ask to measure again."""
