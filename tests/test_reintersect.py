@@ -12,7 +12,7 @@ from helpers.gradients import (
     unit_or_zero,
     value_and_gradient,
 )
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from asmjax.geometry.reintersect import LANES, meet_triangles, meet_triangles_on_host
@@ -150,8 +150,25 @@ def test_gradients_against_differences(x64):
 
 BOTH = value_and_gradient(places)
 
+FEW = 8
+"""Rays in an example of anything: numbers take long to draw."""
 
-@given(hostile_arrays((4, 3, N)), hostile_arrays((3, N)).map(unit_or_zero), st.booleans())
+
+def beside_the_axis() -> tuple[np.ndarray, np.ndarray]:
+    """Triangles of which one side is 1e12 times or more as long as another, as the ray sees them:
+    two corners within 1e-12 of its line, the third a thousand beside it."""
+    a, b, c, origin = (
+        np.array([-1e-12, 1.0, 1e6]), np.array([1e-20, 1.0, -5e-10]),
+        np.array([1e-20, 0.0, 1.0]), np.array([0.0, -663149.0, -1e6]),
+    )  # fmt: skip
+    other = np.array([[2.0, -1.0, 0.0], [1e-20, 0.0, 0.0], [1e6, 605911.0, -1e-12], [0, -1e6, 0]])
+    points = np.stack([np.stack([a, b, c, origin]), other], axis=-1)
+    direction = np.array([[0.0, 1.0], [-1.0, 0.0], [0.0, 0.0]])
+    return np.tile(points, FEW // 2), np.tile(direction, FEW // 2)
+
+
+@given(hostile_arrays((4, 3, FEW)), hostile_arrays((3, FEW)).map(unit_or_zero), st.booleans())
+@example(*beside_the_axis(), False)
 def test_no_nan_for_anything_finite(points, direction, flat):
     """Corners anywhere, in one point, on a line, behind the origin; directions of any kind or 0."""
     a, b, c, origin = points / 1e3

@@ -48,7 +48,7 @@ def draw_comparison(result: ComparisonResult, samples: int) -> "Figure":
     )  # fmt: skip
     memory = FrontPanel(
         "What accuracy costs in memory",
-        f"all arrays that are kept; rays keep none and are exact, {_exact(result)}",
+        f"all arrays; rays keep none: {_exact(result)}",
         "memory, MB",
         [_point(item, "bytes") for item in items],
         [item.name for item in front_of(items, "bytes")],
