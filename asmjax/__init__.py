@@ -28,10 +28,14 @@ if TYPE_CHECKING:
     from asmjax.render.load import Scene, load_scene
     from asmjax.scene import list_scenes
     from asmjax.shadow import (
+        AccumulatedShadowMap,
         AdaptiveShadowMap,
+        FilteredShadowMap,
         LightSpaceShadowMap,
         LogarithmicShadowMap,
+        MomentShadowMap,
         PartitionedShadowMap,
+        PCSSShadowMap,
         PerspectiveShadowMap,
         ShadowAlgorithm,
         Status,
@@ -47,11 +51,15 @@ if TYPE_CHECKING:
     from asmjax.walkthrough_job import Walk, measure_walkthrough, run_walkthrough
 
 _HOME = {
+    "AccumulatedShadowMap": "asmjax.shadow",
     "AdaptiveShadowMap": "asmjax.shadow",
     "AnalyzeOptions": "asmjax.options",
     "CompareOptions": "asmjax.options",
+    "FilteredShadowMap": "asmjax.shadow",
     "LightSpaceShadowMap": "asmjax.shadow",
     "LogarithmicShadowMap": "asmjax.shadow",
+    "MomentShadowMap": "asmjax.shadow",
+    "PCSSShadowMap": "asmjax.shadow",
     "PartitionedShadowMap": "asmjax.shadow",
     "PerspectiveShadowMap": "asmjax.shadow",
     "Plan": "asmjax.effects",
@@ -87,11 +95,15 @@ _HOME = {
 }
 
 __all__ = [
+    "AccumulatedShadowMap",
     "AdaptiveShadowMap",
     "AnalyzeOptions",
     "CompareOptions",
+    "FilteredShadowMap",
     "LightSpaceShadowMap",
     "LogarithmicShadowMap",
+    "MomentShadowMap",
+    "PCSSShadowMap",
     "PartitionedShadowMap",
     "PerspectiveShadowMap",
     "Plan",
