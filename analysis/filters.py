@@ -1,7 +1,7 @@
 """Percentage-closer filters beside each other: the picture of docs/theory.md, "Filtering".
 
-The shadow of a ring on a floor, by a shadow map whose texels are several pixels wide, asked once
-for each pixel by each filter; and the truth, a float64 shadow ray.
+The shadow of a disc and a bar on a floor, by a map whose texels are several pixels wide, which
+each filter asks once for each pixel; and the truth, a float64 shadow ray.
 
     python analysis/filters.py [--out DIR]
 """
@@ -28,11 +28,11 @@ COLUMNS = 3
 
 SHAPES = (
     Rectangle("floor", (0.0, 0.0, 0.0), (4.0, 0.0, 0.0), (0.0, 4.0, 0.0)),
-    Disk("disc", (0.0, 0.0, 0.8), (0.0, 0.0, 1.0), 0.55),
-    Rectangle("bar", (0.45, -0.2, 0.7), (0.5, 0.3, 0.0), (-0.03, 0.05, 0.0)),
+    Disk("disc", (-0.3, 0.0, 1.8), (0.0, 0.0, 1.0), 0.55),
+    Rectangle("bar", (0.15, -0.2, 1.7), (0.5, 0.3, 0.0), (-0.03, 0.05, 0.0)),
 )
 SUN = LightSpec("sun", "directional", direction=(0.35, 0.1, -1.0))
-EYE = ViewSpec("eye", (0.5, -1.5, 1.0), (0.55, -0.25, 0.0), fov_x_deg=48.0, width=SIDE, height=SIDE)
+EYE = ViewSpec("eye", (0.5, -1.3, 1.1), (0.44, 0.08, 0.0), fov_x_deg=44.0, width=SIDE, height=SIDE)
 
 FLAT = UniformShadowMap(56)
 SHOWN: dict[str, tuple[str, ShadowAlgorithm | None]] = {

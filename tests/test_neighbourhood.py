@@ -7,13 +7,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers.analytic_cases import analytic_case
-from helpers.registry import FAST, SIBLINGS
+from helpers.registry import SIBLINGS
 from helpers.slow_tree import address_at, deepest_over, held_by, receivers_at
 from test_adaptive_tree import SHAPES, grown, probes
 from test_charts import homography, placed
 
 from asmjax.geometry import Chart
-from asmjax.shadow import AdaptiveShadowMap
 from asmjax.shadow.adaptive.address import BITS
 from asmjax.shadow.adaptive.around import PagedNeighbourhood
 from asmjax.shadow.adaptive.page_table import level_of
@@ -77,7 +76,7 @@ def test_near_taps_are_of_the_points_own_page():
     """Its guard band is cast at its own resolution, so no search is needed; where the same page
     serves the place beside, a search finds the same."""
     case = analytic_case("a4_disc_light", 64)
-    algorithm = AdaptiveShadowMap(memory_bytes=4**7 * 6, cost_model=FAST)
+    algorithm = SIBLINGS[1].of_budget(4**7, 1)
     state = algorithm.build(case.eye, case.frame, case.rays)
     around = algorithm.around(state, case.eye.points)
     near, found = _near(around), _searched(around)
@@ -123,7 +122,7 @@ def test_steps_in_charts_end_at_centres(name, log):
 )
 def test_no_step_is_what_the_map_says(sibling):
     """Fractions lie within a texel, and steps beyond the image end at its border."""
-    case = analytic_case("a6_sphere_sun", 64)
+    case = analytic_case("a4_disc_light", 64)
     algorithm = sibling.of_budget(4**7, 1)
     state = algorithm.build(case.eye, case.frame, case.rays)
     around = algorithm.around(state, case.eye.points)

@@ -79,9 +79,15 @@ def ref_sixteen(picture: np.ndarray, at: np.ndarray) -> np.ndarray:
     return total / 16
 
 
-def ref_dithered(picture: np.ndarray, at: np.ndarray, position: np.ndarray) -> np.ndarray:
-    """The listing of their 11.4 line by line, for window `position` (2, n) at +0.5 or not."""
+def ref_dithered(
+    picture: np.ndarray, at: np.ndarray, position: np.ndarray, cast: int = 2
+) -> np.ndarray:
+    """The listing of their 11.4 line by line, for window `position` (2, n) at +0.5 or not.
+
+    `cast` 1 is its first line as printed: a scalar, the first of the two, becomes both.
+    """
     offset = ((position * 0.5) % 1.0 > 0.25).astype(float)
+    offset = np.stack([offset[0], offset[cast - 1]])
     offset[1] += offset[0]
     offset[1] = np.where(offset[1] > 1.1, 0, offset[1])
     taps = ((-1.5, 0.5), (0.5, 0.5), (-1.5, -1.5), (0.5, -1.5))
