@@ -85,10 +85,10 @@ def footnotes(plan: Plan) -> list[str]:
     notes = [f"Note: {note}." for note in plan.notes]
     for title, items in (("Skipped", plan.skipped), ("Not simulated", plan.not_simulated)):
         named = [
-            f"{item.effect}{f' of {item.light}' if item.light else ''}: {with_error(item)}"
+            f"{item.effect}{f' of {item.light}' if item.light else ''} - {with_error(item)}"
             for item in items
         ]
-        notes.append(f"{title}. {'; '.join(named) or 'Nothing'}.")
+        notes.append(f"{title}: {'; '.join(named) or 'nothing'}.")
     return notes
 
 

@@ -20,9 +20,8 @@ from asmjax.report.figures.board import (
 )
 from asmjax.report.figures.scales import (
     beyond,
-    exponent_ticks,
+    half_ticks,
     log2_or_nan,
-    power_of_two,
     scale_limits,
 )
 from asmjax.report.figures.style import hex_rgb, styled
@@ -109,7 +108,7 @@ def _draw_widths(board: Board, panels: Sequence[LightPanel], height: int, width:
         image = colours(norm(np.where(none, low, values)), bytes=True)[..., :3].copy()
         image[none] = hex_rgb(_NONE)
         board.image(x, y + HEAD, width, height, image, interpolation="nearest")
-        ticks = {float(k): f"{power_of_two(k)} px" for k in exponent_ticks(low, high)}
+        ticks = {float(k): f"{2.0**k:.3g} px" for k in half_ticks(low, high)}
         ends = beyond(values, low, high)
         board.scale_bar(colours, norm, x + width + GAP // 2, y + HEAD, _BAR, height, ticks, ends)
 
