@@ -27,7 +27,7 @@ from asmjax.scene.spec import LightSpec, Rectangle, ViewSpec
 from asmjax.shadow import MomentShadowMap, UniformShadowMap, algorithm_of
 from asmjax.shadow.soft.summed import summed, window_moments
 
-SIDE = 96
+SIDE = 64
 FLOOR = Rectangle("floor", (0.0, 0.0, 0.0), (6.0, 0.0, 0.0), (0.0, 6.0, 0.0))
 ABOVE = ViewSpec("v", (0.6, -0.8, 9.0), (0.2, 0.1, 0.0), fov_x_deg=30.0, width=SIDE, height=SIDE)
 
@@ -114,11 +114,11 @@ def test_ramp_of_a_half_plane(half, height):
 
 
 @pytest.mark.parametrize("name", ["a2", "a4", "a5"])
-def test_squares_and_disks_are_near_their_closed_form(name, dtype):
+def test_squares_and_disks_are_near_their_closed_form(name):
     """A disk is taken for a square that is spread as widely."""
     case = soft_case(name, SIDE)
     _, lit = asked(MomentShadowMap(256), case)
-    assert lit.dtype == dtype and (lit >= 0).all() and (lit <= 1).all()
+    assert (lit >= 0).all() and (lit <= 1).all()
     assert mean_error(case, lit) < (0.008 if name == "a2" else 0.012)
     assert mean_error(case, lit) < 0.4 * mean_error(case, asked(UniformShadowMap(256), case)[1])
 
@@ -133,7 +133,7 @@ def test_a_plane_alone_is_lit_all_over(tilt_deg, sized):
     case = traced_soft_case((FLOOR,), ABOVE, light, 1)
     if not sized:
         case = without_area(case)
-    _, lit = asked(MomentShadowMap(128, kernel=4.0), case)
+    _, lit = asked(MomentShadowMap(128, kernel=5.0), case)
     assert (lit[case.eye.valid] == 1).all()
 
 
@@ -192,7 +192,7 @@ def test_contact_is_lit_on_a_slope():
 
 def test_verbs_under_a_light_with_a_size():
     case = soft_case("a4", SIDE)
-    algorithm = MomentShadowMap(128, keep=True)
+    algorithm = MomentShadowMap(256, keep=True)
     rays = CountingRays(case.rays)
     state = algorithm.build(case.eye, case.frame, rays)
     cost = algorithm.cost(state)
@@ -213,6 +213,7 @@ def test_verbs_under_a_light_with_a_size():
     with jax.enable_x64(True):
         double = soft_case("a4", SIDE)
         _, exact = asked(algorithm, double)
+    assert (exact.dtype, lit.dtype) == (np.float64, np.float32)
     assert np.abs(exact - lit).mean() < 1e-3
 
 

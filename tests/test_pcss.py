@@ -26,14 +26,17 @@ from asmjax.errors import UseError
 from asmjax.experiment.traces import counted_traces
 from asmjax.geometry import disk_light, rectangle_light, sphere_light, sun_light
 from asmjax.scene.analytic_rays import AnalyticRays
-from asmjax.scene.closed_forms import half_plane_square_visibility
+from asmjax.scene.closed_forms import (
+    half_plane_disc_visibility,
+    half_plane_square_visibility,
+)
 from asmjax.scene.spec import LightSpec, Rectangle, Sphere, ViewSpec
 from asmjax.shadow import MomentShadowMap, PCSSShadowMap, UniformShadowMap
 from asmjax.shadow.soft.light_taps import seen, taps_of
 from asmjax.shadow.soft.nearest import least_depths, least_in, sides
 from asmjax.shadow.soft.wide_map import search_depth
 
-SIDE = 96
+SIDE = 64
 FLOOR = Rectangle("floor", (0.0, 0.0, 0.0), (6.0, 0.0, 0.0), (0.0, 6.0, 0.0))
 ABOVE = ViewSpec("v", (0.6, -0.8, 9.0), (0.2, 0.1, 0.0), fov_x_deg=30.0, width=SIDE, height=SIDE)
 
@@ -61,13 +64,12 @@ def test_ramp_of_a_half_plane(half, height):
 
 
 @pytest.mark.parametrize("name", ["a2", "a4", "a5"])
-def test_squares_and_disks_are_as_in_closed_form(name, dtype):
+def test_squares_and_disks_are_as_in_closed_form(name):
     """One depth of blockers, parallel to light and receiver; of the square, edges lie along texels
     and are all off by the same part of one."""
     case = soft_case(name, SIDE)
-    _, lit = asked(PCSSShadowMap(256, filter_taps=256), case)
-    assert lit.dtype == dtype
-    assert mean_error(case, lit) < (0.008 if name == "a2" else 0.004)
+    _, lit = asked(PCSSShadowMap(256), case)
+    assert mean_error(case, lit) < (0.008 if name == "a2" else 0.006)
     hard = UniformShadowMap(256)
     assert mean_error(case, lit) < 0.15 * mean_error(case, asked(hard, case)[1])
 
@@ -77,11 +79,11 @@ def test_a_sun_is_a_disk_at_every_distance():
     shapes = (FLOOR, Rectangle("roof", (-4.0, 0.0, 2.0), (4.0, 0.0, 0.0), (0.0, 6.0, 0.0)))
     direction = (0.0, 0.0, -1.0)
     light = LightSpec("sun", "directional", direction=direction, area=sun_light(direction, 0.2))
-    case = traced_soft_case(shapes, replace(ABOVE, target=(0.5, 0.0, 0.0)), light)
-    _, lit = asked(PCSSShadowMap(256, filter_taps=256), case)
+    case = traced_soft_case(shapes, replace(ABOVE, target=(0.5, 0.0, 0.0)), light, 1)
+    x = np.where(case.eye.valid, case.eye.world[0], 0.0)
+    case = replace(case, expected=half_plane_disc_visibility(x / (2 * np.tan(0.1))))
+    _, lit = asked(PCSSShadowMap(256), case)
     assert mean_error(case, lit) < 0.005
-    inside = case.judged & (lit > 0.02) & (lit < 0.98)
-    assert np.ptp(case.eye.world[0, inside]) == pytest.approx(4 * np.tan(0.1), abs=0.06)
 
 
 @pytest.mark.parametrize("shape", ["sphere", "tilted"])
@@ -94,7 +96,7 @@ def test_lights_that_are_not_along_the_map(shape):
         area = rectangle_light(place, (0.0, 0.5, 0.0), (0.4, 0.0, 0.3))
     light = LightSpec("lamp", "point", position=place, area=area)
     case = traced_soft_case((FLOOR, ball), ABOVE, light)
-    _, lit = asked(PCSSShadowMap(256, filter_taps=256), case)
+    _, lit = asked(PCSSShadowMap(256), case)
     soft = mean_error(case, lit)
     assert soft < 0.006
     assert soft < 0.3 * mean_error(case, asked(UniformShadowMap(256), case)[1])
@@ -108,7 +110,7 @@ def test_a_plane_alone_is_lit_all_over(tilt_deg):
     area = square_light(0.4).at(place)
     light = LightSpec("lamp", "point", position=place, area=area)
     case = traced_soft_case((FLOOR,), ABOVE, light, 1)
-    _, lit = asked(PCSSShadowMap(128), case)
+    _, lit = asked(PCSSShadowMap(256), case)
     assert (lit[case.eye.valid] == 1).all()
 
 
@@ -117,7 +119,7 @@ def test_contact_hardens():
     widths = []
     for height in (0.4, 0.8, 1.6):
         case = soft_case("a5_square", SIDE, 0.5, height)
-        _, lit = asked(PCSSShadowMap(512), case)
+        _, lit = asked(PCSSShadowMap(256), case)
         widths.append(ramp_width(case, lit))
     expected = [penumbra(0.5, height) for height in (0.4, 0.8, 1.6)]
     np.testing.assert_allclose(widths, expected, atol=0.02)
@@ -155,7 +157,7 @@ def test_blockers_of_two_depths_are_known_to_be_wrong():
     """The mean of their depths is that of neither: off by almost a half in places, beside 1 / 20
     with one blocker; a warning, not a promise."""
     case = two_edges()
-    _, lit = asked(PCSSShadowMap(512, filter_taps=256), case)
+    _, lit = asked(PCSSShadowMap(256), case)
     worst = np.abs(lit - case.expected)[case.judged].max()
     assert 0.3 < worst < 0.5
     assert mean_error(case, lit) < 0.1
@@ -184,7 +186,7 @@ def test_a_lamp_in_a_room_beats_the_uniform_map():
     place = (0.0, 0.0, 3.0)
     light = LightSpec("lamp", "point", position=place, area=square_light(0.4).at(place))
     view = ViewSpec("v", (-3.0, -2.0, 2.0), (0.8, 0.2, 0.5), (0.0, 0.0, 1.0), 60.0, SIDE, SIDE)
-    case = traced_soft_case(room, view, light)
+    case = traced_soft_case(room, view, light, 6)
     case = replace(case, judged=case.eye.valid & (case.eye.shape != 1))
     hard = mean_error(case, asked(UniformShadowMap(256), case)[1])
     for algorithm, most in ((PCSSShadowMap(256), 0.6), (MomentShadowMap(256), 0.8)):
@@ -203,7 +205,7 @@ def test_a_near_caster_elsewhere_widens_no_search():
     receivers = project(points, case.frame, light_offset(points, case.frame))
     assert case.frame.area is not None and float(texels.nearest) < 0.3
     light_seen = seen(case.frame, case.frame.area, receivers)
-    depth = np.asarray(search_depth(texels, light_seen, receivers, 256))
+    depth = np.asarray(eqx.filter_jit(search_depth)(texels, light_seen, receivers, 256))
     x, y, _ = case.eye.world
     with np.errstate(invalid="ignore"):
         near = case.judged & (np.abs(y) < 2)
@@ -240,7 +242,7 @@ def test_least_depths_of_windows(resolution):
 def test_verbs_under_a_light_with_a_size():
     """Costs are those of the arrays, rays those that were cast, and nothing is traced again."""
     case = soft_case("a4", SIDE)
-    algorithm = PCSSShadowMap(128, compare="both", keep=True)
+    algorithm = PCSSShadowMap(256, compare="both", keep=True)
     rays = CountingRays(case.rays)
     state = algorithm.build(case.eye, case.frame, rays)
     cost = algorithm.cost(state)
@@ -256,8 +258,8 @@ def test_verbs_under_a_light_with_a_size():
     assert state.margin is not None
     wide = 1 + 2 * state.margin
     density = np.asarray(algorithm.density(state, case.eye.points))
-    np.testing.assert_allclose(density[0, 0].max(), 128 / wide[0, 0], rtol=1e-6)
-    assert algorithm.effective_resolution(state) == round(128 / wide.min())
+    np.testing.assert_allclose(density[0, 0].max(), 256 / wide[0, 0], rtol=1e-6)
+    assert algorithm.effective_resolution(state) == round(256 / wide.min())
     with pytest.raises(UseError, match="by the size of the light"):
         algorithm.around(state, case.eye.points)
     other = moved(case, random_rotation(3), np.array([0.3, -0.2, 0.1]))
@@ -287,7 +289,8 @@ def test_precisions_agree():
     lit = []
     for double in (False, True):
         with jax.enable_x64(double):
-            lit.append(asked(PCSSShadowMap(128), soft_case("a4", SIDE))[1])
+            lit.append(asked(PCSSShadowMap(256), soft_case("a4", SIDE))[1])
+    assert [each.dtype for each in lit] == [np.float32, np.float64]
     assert np.abs(lit[0] - lit[1]).mean() < 2e-3 and np.median(np.abs(lit[0] - lit[1])) == 0
 
 

@@ -95,5 +95,5 @@ def ramp_width(case: Case, visibility, least: float = 0.1) -> float:
     """Width in x of a linear ramp from 0 to 1, by least squares where it is neither."""
     lit = np.asarray(visibility, np.float64)
     inside = case.judged & (lit > least) & (lit < 1 - least)
-    assert inside.sum() > 50
+    assert inside.sum() > 20
     return 1 / float(np.polyfit(case.eye.world[0, inside], lit[inside], 1)[0])
