@@ -138,7 +138,7 @@ MADE = (
     Made(_PLAIN["tuned"], "across", 0.1),
     Made(_PLAIN["adaptive"], "across", 0.1),
     # Edges smoother than the steps of its texels.
-    Made(_SOFT, "across", 0.2),
+    Made(_SOFT, "across", 0.15),
     Made(_PLAIN["partitioned"], "along", 0.25),
     Made(_FACES, "along", 0.35),
     Made(_PLAIN["subdivided"], "along", 0.2),
