@@ -24,7 +24,8 @@ if TYPE_CHECKING:
     from asmjax.errors import UseError
     from asmjax.main_job import measure_scene, run_main_job
     from asmjax.options import AnalyzeOptions, CompareOptions, PlanOptions, RunOptions, TuneOptions
-    from asmjax.plan_job import plan_effects, run_plan
+    from asmjax.plan_job import run_plan
+    from asmjax.planning import plan_effects
     from asmjax.render.load import Scene, load_scene
     from asmjax.scene import list_scenes
     from asmjax.shadow import (
@@ -81,7 +82,7 @@ _HOME = {
     "load_scene": "asmjax.render.load",
     "measure_scene": "asmjax.main_job",
     "measure_walkthrough": "asmjax.walkthrough_job",
-    "plan_effects": "asmjax.plan_job",
+    "plan_effects": "asmjax.planning",
     "read_settings": "asmjax.shadow",
     "run_analysis": "asmjax.analyze_job",
     "run_comparison": "asmjax.compare_job",

@@ -3,12 +3,15 @@
 import logging
 from dataclasses import replace
 
+import numpy as np
 from tqdm import tqdm
 
+from asmjax.effects.methods import soft_methods, wants_softness
 from asmjax.experiment import RunResult, analysis_maps, measure
 from asmjax.job_memory import Sight, run_stages
-from asmjax.memory import Stage
+from asmjax.memory import Stage, check, limit_of
 from asmjax.options import RunOptions
+from asmjax.planning import force_of, plan_effects
 from asmjax.preparation import (
     ChosenMaps,
     Progress,
@@ -17,15 +20,17 @@ from asmjax.preparation import (
     chosen_maps,
     make_folder,
     results_folder,
+    sight_of,
     subject_of,
 )
+from asmjax.report.plan_table import plan_summary
 from asmjax.report.run_files import write_results
 from asmjax.report.table import comparison_table
 from asmjax.shadow import UniformShadowMap, resolution_for
 
 _log = logging.getLogger("asmjax")
 
-_STEPS = 8
+_STEPS = 9
 """Steps of progress without a further method."""
 
 
@@ -48,6 +53,7 @@ def run_main_job(options: RunOptions) -> RunResult:
         _log.warning("%s", notice)
     if not options.quiet:
         print(comparison_table(report["methods"]))
+        print(plan_summary(report["plan"]))
         print(f"report and figures: {folder}/")
     return result
 
@@ -68,8 +74,17 @@ def measure_scene(options: RunOptions, progress: Progress = lambda _: None) -> R
     subject = subject_of(options, stages, progress)
     eyes, frame, rays = subject.eyes, subject.frame, subject.rays
     adaptive, uniform = chosen.adaptive, _uniform(chosen, frame.faces)
+    progress("plan")
+    plan = plan_effects(
+        subject.scene, subject.view, options.tolerance,
+        force=force_of(options.force), lights=[subject.light.name], seed=options.seed,
+    )  # fmt: skip
+    decision, standard_error = plan.decision(subject.light.name), None
     progress("truth")
-    truth = subject.truth(options.repeats)
+    if wants_softness(decision):
+        truth, standard_error = subject.soft_truth(options.seed)
+    else:
+        truth = subject.truth(options.repeats)
     progress("cost model")
     cost_model = calibrated(subject.scene, subject.light, rays, frame, options)
     adaptive = replace(adaptive, cost_model=cost_model)
@@ -79,6 +94,12 @@ def measure_scene(options: RunOptions, progress: Progress = lambda _: None) -> R
     maps = analysis_maps(eyes[0], frame, uniform, flat.state)
     progress(adaptive.name)
     methods = [flat, measure(adaptive, eyes, frame, rays, options.repeats)]
+    for soft in soft_methods(decision, uniform.resolution, _texel_px(maps)):
+        maps_in_all = [uniform, adaptive, soft]
+        sight = sight_of(subject.scene, subject.view, options.samples)
+        check(run_stages(sight, maps_in_all, frame.faces), limit_of(options.max_memory_mb))
+        progress(soft.name)
+        methods.append(measure(soft, eyes, frame, rays, options.repeats))
     if chosen.other is not None:
         progress(chosen.other.name)
         other = measure(chosen.other, eyes, frame, rays, options.repeats)
@@ -100,7 +121,15 @@ def measure_scene(options: RunOptions, progress: Progress = lambda _: None) -> R
         maps=maps,
         adaptive=adaptive,
         memory=subject.memory,
+        plan=plan.record(),
+        standard_error=standard_error,
     )
+
+
+def _texel_px(maps: dict[str, np.ndarray]) -> float:
+    """Texel / pixel of the flat map, linear: the median over what the light shines on."""
+    ratio = maps["linear_ratio"]
+    return float(np.median(ratio[np.isfinite(ratio) & (ratio > 0)]))
 
 
 def _uniform(chosen: ChosenMaps, faces: int) -> UniformShadowMap:

@@ -250,11 +250,8 @@ class TunedMapOptions:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class PlanningOptions:
-    """What is planned for, and what is too small to matter."""
-
-    lights: Annotated[tuple[str, ...], _named("ID ID ...", "all")] = ()
-    """Lights that are planned for: names or ids, or indices from 0."""
+class EffectOptions:
+    """Which shadow effects are simulated."""
 
     tolerance: Annotated[float, arg(metavar="PART")] = TOLERANCE
     """Part of the picture's light, mean over its pixels, whose change nobody minds: effects that
@@ -263,6 +260,14 @@ class PlanningOptions:
     force: Annotated[tuple[str, ...], _named("KIND KIND ...", "none")] = ()
     """What is simulated whatever the numbers say: hard, soft, all (soft for lights of any share) or
     none, for all lights; NAME=KIND for one of them."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class PlanningOptions:
+    """What is planned for."""
+
+    lights: Annotated[tuple[str, ...], _named("ID ID ...", "all")] = ()
+    """Lights that are planned for: names or ids, or indices from 0."""
 
     seed: Annotated[int, arg(metavar="INT")] = 0
     """Seed of everything random: the directions in which the surroundings are looked at."""
@@ -316,6 +321,7 @@ class OutputOptions(FolderOptions):
 class RunOptions(
     SceneOptions,
     WalkOptions,
+    EffectOptions,
     LimitOptions,
     MapOptions,
     MeasureOptions,
@@ -333,6 +339,7 @@ class RunOptions(
     """The command's name, with which the default folder of its results begins."""
 
     def __post_init__(self):
+        _at_least(0, "--tolerance", self.tolerance, "")
         _check_measured(self)
         _check_walk(self)
 
@@ -443,7 +450,7 @@ class TuneOptions(
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class PlanOptions(ViewOptions, PlanningOptions, MachineOptions, FolderOptions):
+class PlanOptions(ViewOptions, PlanningOptions, EffectOptions, MachineOptions, FolderOptions):
     """Options of `asmjax plan`.
 
     Raises:

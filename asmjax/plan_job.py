@@ -1,47 +1,20 @@
 """`asmjax plan`: which shadow effects a scene calls for, and which it does not."""
 
 import logging
-from collections.abc import Mapping, Sequence
 
-import numpy as np
 from tqdm import tqdm
 
-from asmjax.effects import (
-    TOLERANCE,
-    LightAsked,
-    Plan,
-    Rates,
-    SceneAsked,
-    plan_lights,
-    probe_size,
-)
-from asmjax.effects.convex import is_convex
-from asmjax.errors import UseError
+from asmjax.effects import plan_lights, probe_size
 from asmjax.job_memory import Sight, plan_stages
 from asmjax.memory import check, limit_of
 from asmjax.options import PlanOptions
-from asmjax.preparation import (
-    Progress,
-    StepBar,
-    calibrated,
-    chosen_view,
-    make_folder,
-    results_folder,
-)
-from asmjax.render.load import Scene, load_scene
-from asmjax.render.materials import (
-    materials_of,
-    rays_to_surroundings,
-    stand_in,
-    surroundings_of,
-    unknown_emitters,
-)
+from asmjax.planning import asked_of, force_of, known_rates, measured_rates
+from asmjax.preparation import Progress, StepBar, chosen_view, make_folder, results_folder
+from asmjax.render.load import load_scene
 from asmjax.report.plan_files import write_plan
 from asmjax.report.plan_result import PlanResult
 from asmjax.report.plan_table import plan_table
-from asmjax.scene.spec import ViewSpec
 from asmjax.shadow import ALGORITHMS
-from asmjax.shadow.adaptive import kept_model, on_this_machine
 
 _log = logging.getLogger("asmjax")
 
@@ -79,7 +52,8 @@ def plan_scene(options: PlanOptions, progress: Progress = lambda _: None) -> Pla
     """
     progress("scene")
     force = force_of(options.force)
-    scene = load_scene(options.scene, options.variant, trust=options.trust_scene)
+    limit = limit_of(options.max_memory_mb)
+    scene = load_scene(options.scene, options.variant, trust=options.trust_scene, limit=limit)
     view = chosen_view(scene, options)
     width, height = probe_size(view.width, view.height)
     sight = Sight(width, height, 1, scene.variant.startswith("scalar"))
@@ -89,116 +63,3 @@ def plan_scene(options: PlanOptions, progress: Progress = lambda _: None) -> Pla
     rates = measured_rates(scene, asked, options) if options.recalibrate else known_rates(scene)
     plan = plan_lights(asked, options.tolerance, force, ALGORITHMS, rates, options.seed)
     return PlanResult(plan, asked.eye, scene.variant, scene.notices, memory)
-
-
-def plan_effects(
-    scene: Scene,
-    view: ViewSpec | str | None = None,
-    tolerance: float = TOLERANCE,
-    *,
-    force: Mapping[str, str] | None = None,
-    lights: Sequence[str] = (),
-    moving: bool = False,
-    seed: int = 0,
-) -> Plan:
-    """Which shadow effects a view of a scene calls for, what is skipped, and what is missing.
-
-    Args:
-        view: of the scene, or its name; the first one without.
-        tolerance: part of the picture's light, mean over its pixels, whose change nobody minds.
-        force: what to simulate whatever the numbers say, by light ("*" is all others): none, hard,
-            soft, or all (soft, and of lights below the tolerance too).
-        lights: that are planned for; all without.
-        moving: whether anything moves between frames.
-        seed: of the directions in which the surroundings are looked at.
-
-    Raises:
-        UseError: no such view, light or kind, or the view sees nothing.
-    """
-    spec = view if isinstance(view, ViewSpec) else scene.view(view)
-    asked = asked_of(scene, spec, lights, moving)
-    return plan_lights(asked, tolerance, force, ALGORITHMS, known_rates(scene), seed)
-
-
-def asked_of(
-    scene: Scene, view: ViewSpec, lights: Sequence[str] = (), moving: bool = False
-) -> SceneAsked:
-    """A view of a scene with the probe's image of it, ready to be planned for.
-
-    Raises:
-        UseError: no such light, or the view sees nothing.
-    """
-    eye = scene.eye(view.resized(*probe_size(view.width, view.height)))
-    names = dict.fromkeys(lights or scene.lights)
-    return SceneAsked(
-        name=scene.name,
-        view=view,
-        eye=eye,
-        lights=[_light(scene, name, eye) for name in names],
-        rays=rays_to_surroundings(scene),
-        first_prim=scene.geometry.first_prim,
-        materials=materials_of(scene),
-        surroundings=surroundings_of(scene),
-        unknown=unknown_emitters(scene),
-        lone_convex=_lone_convex(scene, eye.camera.origin),
-        moving=moving,
-    )
-
-
-def _light(scene: Scene, name: str, eye) -> LightAsked:
-    spec = scene.light(name)
-    try:
-        frame, why = scene.light_frame(eye, name), ""
-    except UseError as problem:
-        frame, why = None, str(problem)
-    return LightAsked(spec, frame, lambda: scene.light_rays(name), why, stand_in(scene, spec.name))
-
-
-def _lone_convex(scene: Scene, eye: np.ndarray) -> bool:
-    """Whether the scene is one convex mesh and the eye is outside of it."""
-    geometry = scene.geometry
-    if geometry.first_prim.size != 2 or geometry.to_world is not None:
-        return False
-    if not geometry.on_mesh(np.arange(geometry.first_prim[-1])).all():
-        return False
-    return is_convex(geometry.vertices, geometry.faces, eye)
-
-
-def known_rates(scene: Scene) -> Rates:
-    """What things cost: texels as an earlier run measured them on this machine and scene."""
-    geometry = scene.geometry
-    for item in scene.lights.values():
-        what = on_this_machine(
-            scene.name, geometry.triangles, geometry.bounds, item.spec.kind, scene.variant
-        )
-        model = kept_model(what)
-        if model is not None:
-            return Rates(texel=model.a_seconds_per_texel, measured=True)
-    return Rates()
-
-
-def measured_rates(scene: Scene, asked: SceneAsked, options: PlanOptions) -> Rates:
-    """The same, measured now and kept for later; of the first light that shines on anything."""
-    for light in asked.lights:
-        if light.frame is not None:
-            model = calibrated(scene, light.spec, light.rays(), light.frame, options)
-            return Rates(texel=model.a_seconds_per_texel, measured=True)
-    return Rates()
-
-
-def force_of(words: Sequence[str]) -> dict[str, str]:
-    """The words of --force by light: "soft" is of all ("*"), "lamp=soft" of one.
-
-    Raises:
-        UseError: two words for the same.
-    """
-    force: dict[str, str] = {}
-    for word in words:
-        light, _, kind = word.rpartition("=")
-        if (light or "*") in force:
-            raise UseError(
-                f"--force says two things of {f'light {light!r}' if light else 'all lights'}: "
-                f"{force[light or '*']} and {kind}; leave one of them out."
-            )
-        force[light or "*"] = kind
-    return force

@@ -5,6 +5,7 @@ import os
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from tqdm import tqdm
 
 from asmjax.buffers import EyeBuffer, LightRays
 from asmjax.errors import UseError, require
-from asmjax.experiment import Measured, measure_rays
+from asmjax.experiment import KnownShadows, Measured, measure_rays
 from asmjax.experiment.bench import Bench
 from asmjax.experiment.code import code_facts
 from asmjax.experiment.ledger import Ledger
@@ -24,6 +25,7 @@ from asmjax.memory import Forecast, Stage, check, limit_of
 from asmjax.options import AnalyzeOptions, JobOptions, MapJobOptions, RunOptions, ViewJobOptions
 from asmjax.render.caster import MitsubaRays
 from asmjax.render.load import Scene, load_scene
+from asmjax.render.soft_truth import SoftShadowRays
 from asmjax.scene.path import aimed_at
 from asmjax.scene.spec import LightSpec, ViewSpec
 from asmjax.shadow import AdaptiveShadowMap, CostModel, ShadowAlgorithm, preset, read_settings
@@ -31,6 +33,10 @@ from asmjax.shadow.adaptive import kept_or_measured, on_this_machine
 
 MEASUREMENTS = "measurements.jsonl"
 """File of finished measurements in the folder of the results."""
+
+SOFT_STRATA, SOFT_REPEATS = 4, 4
+"""Cells a side of a light and rays to each of them from every sample, where truth is soft: 64 rays,
+with which a pixel's visibility is off by 1/50 or less, and by 1/200 in the mean."""
 
 AIM_SIDE = 32
 """Side in pixels of the image from which the distance of what a view sees is taken."""
@@ -79,6 +85,27 @@ class Subject:
         """The traced shadow rays of every sample."""
         traced = [self.scene.shadow_rays(eye, self.frame, self.rays) for eye in self.eyes]
         return measure_rays(traced, self.eyes, repeats)
+
+    def soft_truth(self, seed: int) -> tuple[Measured, np.ndarray]:
+        """Shadow rays of every sample to points all over a light with a size, timed once; and the
+        standard error (n,) of the pixels' visibility."""
+        rays = [
+            self.scene.soft_rays(eye, self.frame, self.rays, SOFT_STRATA, SOFT_REPEATS, seed + k)
+            for k, eye in enumerate(self.eyes)
+        ]
+        valid = np.stack([eye.valid for eye in self.eyes])
+        errors: list[np.ndarray] = []
+
+        def traced(soft: SoftShadowRays) -> np.ndarray:
+            found = soft.estimate()
+            errors.append(found.error)
+            return found.visibility
+
+        shadows = [KnownShadows(soft.count, partial(traced, soft)) for soft in rays]
+        each = SOFT_STRATA**2 * SOFT_REPEATS
+        truth = measure_rays(shadows, self.eyes, 1, each, warm_up=False)
+        variance = (np.stack(errors) ** 2 * valid).sum(axis=0)
+        return truth, np.sqrt(variance) / np.maximum(valid.sum(axis=0), 1)
 
 
 def subject_of(

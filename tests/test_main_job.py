@@ -97,6 +97,15 @@ def test_arrays_are_images_with_the_first_row_at_the_top(run_folder):
     assert np.nanmedian(distance[-8:]) < np.nanmedian(distance[:8])
 
 
+def test_the_plan_is_in_the_report(run_folder):
+    """A point light's shadow is hard, so truth is one ray a pixel and nothing softer is made."""
+    report = json.loads((run_folder / "report.json").read_text(encoding="utf-8"))
+    (decision,) = report["plan"]["decisions"]
+    assert (decision["kind"], decision["methods"]) == ("hard", ["adaptive"])
+    assert report["truth"]["samples"] == 1 and "standard_error" not in report["truth"]
+    assert all("soft" not in method["error"] for method in report["methods"])
+
+
 @pytest.fixture
 def no_figures(monkeypatch):
     """Drawing takes longer than all else in a small run."""
@@ -198,6 +207,37 @@ def test_a_uniform_settings_file_keeps_its_own_name(tmp_path, no_figures):
     assert lit[1] > lit[0]  # half of the depth hides every caster
 
 
+LAMP = """<shape type="rectangle" id="lamp"><transform name="to_world"><scale value="0.6"/>
+<rotate x="1" angle="180"/><translate x="1" y="1" z="6"/></transform>
+<emitter type="area"><rgb name="radiance" value="1"/></emitter></shape>"""
+
+
+@pytest.mark.parametrize(("force", "softly"), [((), True), (("hard",), False)])
+def test_a_lamp_with_a_size_is_soft_unless_hard_is_asked_for(force, softly, tmp_path, no_figures):
+    """Truth is many rays to all of the lamp, the planned map is one more method and better than the
+    hard ones; what was asked for is said to be missing."""
+    path = scene_file(tmp_path, light=LAMP)
+    words = ["run", path, "--size", "96", "64", "--memory-mb", "1", "--repeats", "1", "--quiet"]
+    words += ["--out", str(tmp_path / "out"), *(["--force", *force] if force else [])]
+    assert cli.main(words) == 0
+    report = json.loads((tmp_path / "out/report.json").read_text(encoding="utf-8"))
+    validate_report(report)
+    (decision,) = report["plan"]["decisions"]
+    table = (tmp_path / "out/methods.csv").read_text(encoding="utf-8")
+    if not softly:
+        assert decision["kind"] == "hard" and decision["forced"]
+        assert [item["effect"] for item in report["plan"]["not_simulated"]] == ["penumbra"]
+        assert report["truth"]["samples"] == 1 and "soft_mae" not in table
+        return
+    assert decision["kind"] == "soft" and report["truth"]["samples"] == 64
+    assert 0 < report["truth"]["standard_error"] < 0.02
+    uniform, _, soft, rays = report["methods"]
+    assert soft["name"].startswith(decision["methods"][-1])
+    assert soft["error"]["soft"]["mae"] < 0.5 * uniform["error"]["soft"]["mae"]
+    assert uniform["error"]["soft"]["penumbra_width_px"] < -1
+    assert rays["error"]["soft"]["max"] == 0 and "soft_mae_percent" in table
+
+
 def scene_file(folder: Path, sensor: str = SENSOR, light: str = LIGHT) -> str:
     path = folder / "scene.xml"
     path.write_text(SCENE.format(sensor=sensor, light=light), encoding="utf-8")
@@ -228,6 +268,8 @@ BAD = {
     "unknown variant": (lambda f: ["letter_f", "--variant", "llvm"], "llvm_ad_rgb"),
     "node resolution": (lambda f: ["letter_f", "--node-resolution", "17"], "powers of two"),
     "cells": (lambda f: ["letter_f", "--cells", "3"], "2, 4, 8"),
+    "tolerance": (lambda f: ["letter_f", "--tolerance", "-1"], "--tolerance"),
+    "effect": (lambda f: ["letter_f", "--force", "soft", "hard"], "two things"),
     "time limit": (lambda f: ["letter_f", "--time-limit-ms", "0"], "--time-limit-ms"),
     "no settings file": (lambda f: ["--settings", str(f / "my.toml")], "No such file"),
     "settings folder": (lambda f: ["--settings", str(f)], "Is a directory"),

@@ -10,12 +10,14 @@ from scipy.ndimage import distance_transform_edt
 from asmjax.errors import UseError
 from asmjax.metrics import (
     CAP_PX,
+    NOTICED,
     boundary_displacement,
     boundary_edges,
     boundary_length,
     edge_midpoints,
     error_summary,
     signed_error,
+    soft_error,
     surface_pairs,
     visibility_error,
 )
@@ -292,3 +294,50 @@ def test_error_summary_has_the_keys_of_the_report():
     assert error["misclassified_fraction"] == error["false_dark_fraction"] == 0.05
     assert error["boundary_displacement_px"]["mean"] == 1
     assert type(error["boundary_displacement_px"]["p95"]) is float
+
+
+def ramp(width: float, size: int = 64, middle: float = 32.0) -> np.ndarray:
+    """(size, size) visibility that rises from 0 to 1 over so many columns."""
+    x, _ = grid(size)
+    return np.clip(0.5 + (x - middle) / width, 0, 1)
+
+
+def test_errors_of_ramps_in_closed_form():
+    """Ramps a and b > a wide about one middle: off by the area between them, (b - a) / 4 in the
+    mean over the columns, and the widths by the parts of them that are neither dark nor lit."""
+    valid = np.ones((64, 64), bool)
+    pairs = surface_pairs(valid)
+    narrow, wide = ramp(8.0), ramp(24.0)
+    found = soft_error(narrow, wide, valid, pairs)
+    assert found.mae == pytest.approx((24 - 8) / 4 / 64, rel=0.02)
+    assert found.max == pytest.approx(1 / 3, abs=0.03)
+    assert found.rmse**2 == pytest.approx(((narrow - wide) ** 2).mean())
+    assert found.penumbra_width_px == pytest.approx((1 - 2 * NOTICED) * (24 - 8), abs=2)
+    assert soft_error(wide, narrow, valid, pairs).penumbra_width_px == -found.penumbra_width_px
+    assert soft_error(wide, wide, valid, pairs) == (0.0,) * 6
+
+
+def test_leaks_are_lighter_and_acne_is_darker():
+    """A lit patch in the umbra, a dark one in the light, and a darker one in the penumbra, which
+    is neither; what is not valid counts for nothing."""
+    truth, valid = ramp(16.0), np.ones((64, 64), bool)
+    valid[:, 60:] = False
+    seen = truth.copy()
+    seen[:8, :4], seen[8:12, 50:54], seen[20:22, 30:32], seen[:, 62] = 1.0, 0.5, 0.3, 0.0
+    found = soft_error(truth, seen, valid, surface_pairs(valid))
+    assert found.leak_fraction == 32 / (64 * 60) and found.acne_fraction == 16 / (64 * 60)
+    nothing = soft_error(truth, seen, np.zeros((64, 64), bool), surface_pairs(valid & False))
+    assert nothing == (0.0,) * 6
+
+
+@given(IMAGES, IMAGES, MASKS)
+def test_soft_errors_of_hard_images_are_the_hard_ones(truth, visibility, valid):
+    """Of 0 and 1 the mean is what is misclassified, its square too, leaks are false light, acne
+    false dark, and there is no penumbra."""
+    hard = visibility_error(truth, visibility, valid)
+    soft = soft_error(truth, visibility, valid, surface_pairs(valid))
+    assert soft.mae == pytest.approx(hard.misclassified_fraction)
+    assert soft.rmse**2 == pytest.approx(hard.misclassified_fraction)
+    assert soft.leak_fraction == pytest.approx(hard.false_lit_fraction)
+    assert soft.acne_fraction == pytest.approx(hard.false_dark_fraction)
+    assert soft.penumbra_width_px == 0

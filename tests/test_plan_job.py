@@ -265,7 +265,7 @@ def test_wrong_use_is_one_line_and_leaves_nothing(words, said, tmp_path, capfd):
 
 
 def test_words_of_force():
-    from asmjax.plan_job import force_of
+    from asmjax.planning import force_of
 
     assert force_of([]) == {}
     assert force_of(["soft", "lamp=hard", "a=b=none"]) == {

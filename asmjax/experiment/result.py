@@ -1,6 +1,8 @@
 """What one run measured."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -26,6 +28,9 @@ class RunResult:
         maps: of the uniform map, (n,) each; see `analysis_maps`.
         adaptive: the algorithm whose state the tree is drawn from.
         memory: what it was estimated to take; None where nobody asked.
+        plan: which effects were simulated and why, as a report has it (`Plan.record`); None where
+            nobody made one.
+        standard_error: (n,) of truth's visibility; None of hard truth.
     """
 
     scene: str
@@ -42,3 +47,5 @@ class RunResult:
     maps: dict[str, np.ndarray]
     adaptive: AdaptiveShadowMap
     memory: Forecast | None = None
+    plan: Mapping[str, Any] | None = None
+    standard_error: np.ndarray | None = None

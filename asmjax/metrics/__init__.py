@@ -10,12 +10,15 @@ from asmjax.metrics.boundary import (
     edge_midpoints,
     surface_pairs,
 )
+from asmjax.metrics.soft_error import NOTICED, SoftError, soft_error
 from asmjax.metrics.summary import error_summary
 from asmjax.metrics.visibility_error import VisibilityError, signed_error, visibility_error
 
 __all__ = [
     "CAP_PX",
+    "NOTICED",
     "BoundaryDisplacement",
+    "SoftError",
     "SurfacePairs",
     "VisibilityError",
     "boundary_displacement",
@@ -24,6 +27,7 @@ __all__ = [
     "edge_midpoints",
     "error_summary",
     "signed_error",
+    "soft_error",
     "surface_pairs",
     "visibility_error",
 ]

@@ -8,7 +8,7 @@ import numpy as np
 from asmjax.buffers import EyeBuffer
 from asmjax.experiment import Measured
 from asmjax.geometry import LightFrame, towards_light
-from asmjax.metrics import error_summary, surface_pairs
+from asmjax.metrics import error_summary, soft_error, surface_pairs
 from asmjax.report.figures import linear_parts
 from asmjax.report.record import method_record
 from asmjax.scene.spec import LightSpec
@@ -17,13 +17,25 @@ from asmjax.shadow.adaptive import AdaptiveState
 
 
 def method_records(
-    eye: EyeBuffer, truth: Measured, methods: Sequence[Measured], adaptive: AdaptiveShadowMap
+    eye: EyeBuffer,
+    truth: Measured,
+    methods: Sequence[Measured],
+    adaptive: AdaptiveShadowMap,
+    soft: bool = False,
 ) -> list[dict]:
-    """The `methods` of a report, judged by `truth`; `eye` are the pixel centres."""
+    """The `methods` of a report, judged by `truth`, which is `soft` or not; `eye` are the pixel
+    centres."""
     size = eye.size
     valid = eye.valid.reshape(size)
     pairs = surface_pairs(valid, np.where(eye.valid, eye.depth, 1.0).reshape(size))
     expected = truth.visibility.reshape(size)
+
+    def errors(visibility: np.ndarray) -> dict:
+        found = error_summary(expected, visibility, valid, pairs)
+        if soft:
+            found["soft"] = soft_error(expected, visibility, valid, pairs)._asdict()
+        return found
+
     return [
         method_record(
             method.name,
@@ -32,7 +44,7 @@ def method_records(
             bytes=method.cost.bytes,
             rays=method.cost.rays,
             seconds=method.cost.seconds,
-            error=error_summary(expected, method.visibility.reshape(size), valid, pairs),
+            error=errors(method.visibility.reshape(size)),
             **({} if method.bias is None else {"bias": method.bias}),
             **_tree_keys(adaptive, method),
         )
@@ -51,15 +63,22 @@ def _tree_keys(adaptive: AdaptiveShadowMap, method: Measured) -> dict:
     }
 
 
-def truth_record(eyes: Sequence[EyeBuffer], truth: Measured) -> dict:
-    """The `truth` entry of a report; `eyes` are the samples of each pixel, centres first."""
+def truth_record(
+    eyes: Sequence[EyeBuffer], truth: Measured, standard_error: np.ndarray | None = None
+) -> dict:
+    """The `truth` entry of a report; `eyes` are the samples of each pixel, centres first, and
+    `standard_error` (n,) is a soft truth's own."""
     valid = eyes[0].valid
+    soft = {} if standard_error is None else {
+        "standard_error": float(np.sqrt(np.mean(standard_error[valid] ** 2)))
+    }  # fmt: skip
     return {
-        "samples": len(eyes),
+        "samples": truth.settings["rays_per_pixel"],
         "rays": truth.cost.rays,
         "seconds": truth.cost.seconds["query"],
         "valid_pixels": int(valid.sum()),
         "lit_fraction": float(truth.visibility[valid].mean()),
+        **soft,
     }
 
 

@@ -1,9 +1,11 @@
 """A plan as a table: a row for each decision."""
 
+import textwrap
 from collections.abc import Callable, Mapping
 
 from asmjax.effects import Plan
-from asmjax.report.table import Column, short_count, significant, table_text
+from asmjax.effects.records import percent
+from asmjax.report.table import MAX_WIDTH, Column, short_count, significant, table_text
 
 
 def _number(group: str, head: str, key: str, scale: float = 1.0) -> Column:
@@ -43,3 +45,17 @@ def plan_table(plan: Plan) -> str:
     picture's light, mean over its pixels.
     """
     return table_text(_COLUMNS, plan.record()["decisions"])
+
+
+def plan_summary(plan: Mapping) -> str:
+    """A plan's record in a few lines, without a last newline: what is done about each light and
+    why, and what is missing."""
+    said = []
+    for row in plan["decisions"]:
+        by = f" by {_methods(row)}" if _methods(row) else ""
+        said.append(f"plan, {row['light']}: {row['kind']}{by}; {row['reason']}")
+    for item in plan["not_simulated"]:
+        much = f" ({percent(item['error'])} of the light)" if item["error"] else ""
+        said.append(f"not simulated: {item['effect']}{much}: {item['reason']}")
+    wrapped = (textwrap.wrap(line, MAX_WIDTH, subsequent_indent="  ") for line in said)
+    return "\n".join(line for lines in wrapped for line in lines)

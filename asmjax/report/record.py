@@ -91,6 +91,7 @@ def run_report(
     methods: Sequence[Mapping],
     notices: Sequence[str] = (),
     memory: Forecast | None = None,
+    **more,
 ) -> dict:
     """The validated report of `asmjax run`, NumPy and JAX scalars turned into plain numbers.
 
@@ -98,6 +99,7 @@ def run_report(
         argv: the command line, program first.
         provenance: from `asmjax.report.provenance`.
         size: (width, height) in pixels.
+        more: `plan`, as `asmjax.effects.Plan.record`.
 
     Raises:
         InvalidReport: as `validate_report`.
@@ -117,6 +119,7 @@ def run_report(
         methods=methods,
         notices=notices,
         memory=memory,
+        **more,
     )
 
 

@@ -20,7 +20,7 @@ from asmjax.report.measured import (
 from asmjax.report.outputs import ANALYSIS, PLAN, WALKTHROUGH, remove
 from asmjax.report.provenance import provenance
 from asmjax.report.record import map_summary, run_report, write_json
-from asmjax.report.table import write_csv
+from asmjax.report.table import METHOD_COLUMNS, SOFT_COLUMNS, has_penumbrae, write_csv
 from asmjax.shadow.adaptive import AdaptiveState
 
 
@@ -32,7 +32,8 @@ def write_results(result: RunResult, folder: Path, *, seed: int, save_arrays: bo
     report = report_of(result, seed)
     write_json(folder / "report.json", report)
     remove(folder, ("arrays.npz", *WALKTHROUGH, *ANALYSIS, *PLAN))
-    write_csv(folder / "methods.csv", report["methods"])
+    columns = METHOD_COLUMNS + (SOFT_COLUMNS[1:] if has_penumbrae(report["methods"]) else ())
+    write_csv(folder / "methods.csv", report["methods"], columns)
     if save_arrays:
         write_arrays(
             folder / "arrays.npz", result.eyes[0], result.truth, result.methods, result.maps
@@ -44,7 +45,8 @@ def write_results(result: RunResult, folder: Path, *, seed: int, save_arrays: bo
 def report_of(result: RunResult, seed: int) -> dict:
     """The validated `report.json` of a run with that seed."""
     eye = result.eyes[0]
-    methods = method_records(eye, result.truth, result.methods, result.adaptive)
+    soft = result.standard_error is not None
+    methods = method_records(eye, result.truth, result.methods, result.adaptive, soft)
     notices = list(result.notices)
     notices += [f"{m.name}: {m.status.value}" for m in result.methods if m.status.is_limit]
     has_ratio = np.isfinite(result.maps["m"])
@@ -56,12 +58,13 @@ def report_of(result: RunResult, seed: int) -> dict:
         view=result.view.name,
         light=light_text(result.light, result.frame),
         size=(eye.camera.width, eye.camera.height),
-        truth=truth_record(result.eyes, result.truth),
+        truth=truth_record(result.eyes, result.truth, result.standard_error),
         cost_model=cost_model_record(result.cost_model),
         maps={name: map_summary(values, has_ratio) for name, values in result.maps.items()},
         methods=methods,
         notices=notices,
         memory=result.memory,
+        **({} if result.plan is None else {"plan": result.plan}),
     )
 
 
@@ -73,7 +76,7 @@ def _pictures(result: RunResult, report: dict) -> RunPictures:
     _, log2_resolution = result.adaptive.lookup(tree, eye.points)
     receives = np.isfinite(result.maps["m"])
     return RunPictures(
-        title=f"{result.scene}, {result.view.name}",
+        title=f"{result.scene}, {result.view.name}{_missing(result)}",
         direct=direct,
         ambient=ambient,
         valid=eye.valid.reshape(size),
@@ -84,6 +87,13 @@ def _pictures(result: RunResult, report: dict) -> RunPictures:
         log2_resolution=np.where(receives, np.asarray(log2_resolution), np.nan).reshape(size),
         tree=_tree_picture(result, tree),
     )
+
+
+def _missing(result: RunResult) -> str:
+    """What no method has, in the words that every figure's title ends with."""
+    plan = result.plan or {"not_simulated": []}
+    missing = dict.fromkeys(item["effect"] for item in plan["not_simulated"])
+    return f"; not simulated: {', '.join(missing)}" if missing else ""
 
 
 def _tree_picture(result: RunResult, state: AdaptiveState) -> TreePicture:

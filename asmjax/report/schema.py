@@ -80,6 +80,9 @@ _TRUTH = Key(
         "seconds": Key("amount", "wall time, seconds"),
         "valid_pixels": Key("count", "pixels that see a surface"),
         "lit_fraction": Key("fraction", "mean visibility of the valid pixels"),
+        "standard_error": Key(
+            "amount", "of a soft truth's visibility, root of the mean square of the pixels'", False
+        ),
     },
     "the ray-traced truth",
 )
@@ -101,6 +104,7 @@ RUN_KEYS: Mapping[str, Key] = {
         "summary of each map over the eye's image",
     ),
     "methods": Key(_METHOD, "one entry per method, in the order of the table", each=True),
+    "plan": replace(PLAN_KEYS["plan"], required=False),
     "notices": NOTICES,
 }
 

@@ -18,6 +18,20 @@ ERROR = {
         },
         "how far shadow edges move in the image",
     ),
+    "soft": Key(
+        {
+            "mae": Key("fraction", "mean of abs(visibility - truth)"),
+            "rmse": Key("fraction", "root of the mean of its square"),
+            "max": Key("fraction", "the largest"),
+            "penumbra_width_px": Key(
+                "number", "mean width of penumbrae minus truth's, pixels; below 0: too narrow"
+            ),
+            "leak_fraction": Key("fraction", "pixels lighter than truth by more than 1/16"),
+            "acne_fraction": Key("fraction", "pixels lit in truth and darker by more than 1/16"),
+        },
+        "errors of penumbrae, where truth has some",
+        False,
+    ),
 }
 
 HEAD = {

@@ -115,14 +115,48 @@ METHOD_COLUMNS: tuple[Column, ...] = (
 )
 
 
+def _soft(key: str, head: str, factor: float = 100, group: str = "off, % of the light") -> Column:
+    """An error of penumbrae; "-" where truth has none."""
+
+    def value(method: Mapping) -> float | None:
+        soft = method["error"].get("soft")
+        return None if soft is None else factor * soft[key]
+
+    unit = "px" if factor == 1 else "percent"
+    return Column(group, head, value, _signed, f"soft_{key.removesuffix('_px')}_{unit}")
+
+
+def _signed(value: float) -> str:
+    return f"-{significant(-value)}" if value < 0 else significant(value)
+
+
+SOFT_COLUMNS: tuple[Column, ...] = (
+    METHOD_COLUMNS[0],
+    _soft("mae", "mean"),
+    _soft("rmse", "rms"),
+    _soft("max", "max"),
+    _soft("leak_fraction", "leaks", group="% of pixels"),
+    _soft("acne_fraction", "acne", group="% of pixels"),
+    _soft("penumbra_width_px", "width off", 1, "penumbra, px"),
+)
+"""Of methods that are judged by a soft truth."""
+
+
+def has_penumbrae(methods: Sequence[Mapping]) -> bool:
+    """Whether truth is soft."""
+    return any("soft" in method["error"] for method in methods)
+
+
 def comparison_table(methods: Sequence[Mapping]) -> str:
     """The `methods` of a report as text, at most `MAX_WIDTH` columns wide, without a last newline.
 
     Effective texels per side are those of a flat map as fine as the method's finest part; false
     pixels are all misclassified ones, the falsely lit and the falsely dark; `edge off` is the
-    displacement of shadow boundaries in eye pixels.
+    displacement of shadow boundaries in eye pixels. Where truth is soft a second table follows, of
+    the errors of penumbrae.
     """
-    return table_text(METHOD_COLUMNS, methods)
+    table = table_text(METHOD_COLUMNS, methods)
+    return f"{table}\n\n{table_text(SOFT_COLUMNS, methods)}" if has_penumbrae(methods) else table
 
 
 def table_text(columns: Sequence[Column], items: Sequence[Mapping]) -> str:
