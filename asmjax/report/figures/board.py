@@ -123,7 +123,7 @@ def columns_for(count: int) -> int:
 
 def target_width(columns: int) -> int:
     """About how wide a panel is, in pixels, with that many side by side."""
-    return {1: 860, 2: 680, 3: 520}[columns]
+    return {1: 860, 2: 680, 3: 520, 4: 420}[columns]
 
 
 def save(figure: Figure, path: str | os.PathLike) -> Path:

@@ -20,7 +20,7 @@ from asmjax.report.figures.spots import Spot, best_spots, densest_spots, outline
 from asmjax.report.figures.style import SPOT_COLOURS, styled
 from asmjax.report.table import significant
 
-_MOST_METHODS = 2
+_MOST_METHODS = 3
 """Beside truth; further ones are in the other figures."""
 
 _INSETS = 3
@@ -37,7 +37,7 @@ _ANY_ERROR = 0.05
 
 @styled
 def draw_shadows(pictures: RunPictures) -> Figure:
-    """Truth and up to two methods side by side; below each, the same magnified squares.
+    """Truth and up to three methods side by side; below each, the same magnified squares.
 
     The squares lie where the first uniform map (or the first method) has most wrong pixels along
     shadow edges; if nothing is wrong, where shadow edges are densest.
