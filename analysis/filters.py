@@ -52,7 +52,9 @@ SHADE = 0.25
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(
+        description="Draw percentage-closer filters beside each other."
+    )
     parser.add_argument("--out", type=Path, default=Path("out/filters"))
     folder = parser.parse_args().out
     folder.mkdir(parents=True, exist_ok=True)

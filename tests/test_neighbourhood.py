@@ -65,7 +65,7 @@ def test_far_taps_are_answered_by_whatever_page_serves_their_place(shape):
         for depth, lit in ((own, True), (2.0 - own, False)):
             tree = Tree(entries, jnp.array(depth.reshape(shape.pages + 1, -1)), None)
             around = PagedNeighbourhood(
-                receivers.uv, receivers, address, entry, tree, BIAS, shape, False
+                receivers, receivers.uv, address, entry, tree, BIAS, shape, False
             )
             got = eqx.filter_jit(lambda around, c=columns, r=rows: around.lit(c, r))(around)
             assert (np.asarray(got) == lit).all(), (columns, rows)
@@ -79,6 +79,7 @@ def test_near_taps_are_of_the_points_own_page():
     algorithm = SIBLINGS[1].of_budget(4**7, 1)
     state = algorithm.build(case.eye, case.frame, case.rays)
     around = algorithm.around(state, case.eye.points)
+    assert isinstance(around, PagedNeighbourhood)
     near, found = _near(around), _searched(around)
     log2 = state.shape.log2_resolution(level_of(around.entry))
     place = around.address._replace(

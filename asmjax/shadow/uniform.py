@@ -189,10 +189,10 @@ def resolution_for(bytes_limit: int, faces: int, compare: Compare = "depth") -> 
 
 
 def _texel(uv, resolution):
-    """Integer texel (2, n) of image coordinates, and their fractions of it."""
+    """Fractions (2, n) of their texels that image coordinates lie at, and those integer texels."""
     at = uv * resolution
     index = jnp.clip(at.astype(jnp.int32), 0, resolution - 1)
-    return index, at - index
+    return at - index, index
 
 
 class FlatNeighbourhood(Neighbourhood):
@@ -204,8 +204,8 @@ class FlatNeighbourhood(Neighbourhood):
     """
 
     receivers: Receivers
-    texel: Int[Array, "2 n"]
     fraction: Float[Array, "2 n"]
+    texel: Int[Array, "2 n"]
     depth: Float[Array, " texels"] | None
     prim: UInt16[Array, " texels"] | None
     bias: float
@@ -232,7 +232,7 @@ class FlatNeighbourhood(Neighbourhood):
 
 
 def _place(points, frame, offset, resolution: int):
-    """Receivers, and the integer texels (2, n) and fractions of it that they lie in."""
+    """What `FlatNeighbourhood` begins with: receivers, fraction and texel."""
     receivers = project(points, frame, offset)
     return receivers, *_texel(receivers.uv, resolution)
 

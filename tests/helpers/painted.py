@@ -15,11 +15,11 @@ PAD = 80
 class Painted(Neighbourhood):
     """Texels whose shadow tests are known: `picture` (rows, columns) bool."""
 
+    receivers: Any
     fraction: Any
     texel: Any
     picture: Any
-    receivers: Any = None
-    side: int = eqx.field(static=True, default=0)
+    side: int = eqx.field(static=True)
 
     def lit(self, columns=0, rows=0, *, most=None):
         if most is not None and isinstance(columns, int) and isinstance(rows, int):
@@ -34,7 +34,7 @@ class Painted(Neighbourhood):
 def painted(picture, at) -> Painted:
     """The neighbourhood of places `at` (2, n) in texels."""
     texel = jnp.floor(at).astype(jnp.int32)
-    return Painted(at - jnp.floor(at), texel, jnp.asarray(picture), None, len(picture))
+    return Painted(None, at - jnp.floor(at), texel, jnp.asarray(picture), len(picture))
 
 
 def ref_area(picture: np.ndarray, at: np.ndarray, half) -> np.ndarray:
@@ -91,4 +91,5 @@ def ref_dithered(
     offset[1] += offset[0]
     offset[1] = np.where(offset[1] > 1.1, 0, offset[1])
     taps = ((-1.5, 0.5), (0.5, 0.5), (-1.5, -1.5), (0.5, -1.5))
-    return sum(ref_bilinear(picture, at + offset + np.array([[x], [y]])) for x, y in taps) * 0.25
+    tests = [ref_bilinear(picture, at + offset + np.array([[x], [y]])) for x, y in taps]
+    return np.mean(tests, axis=0)

@@ -35,8 +35,8 @@ class PagedNeighbourhood(Neighbourhood):
         entry: (n,) page table entry of the page that serves each point.
     """
 
-    fraction: Float[Array, "2 n"]
     receivers: Receivers
+    fraction: Float[Array, "2 n"]
     address: Address
     entry: Int[Array, " n"]
     tree: Tree
@@ -66,7 +66,7 @@ class PagedNeighbourhood(Neighbourhood):
 
 @partial(jax.jit, static_argnames="shape")
 def placed(tree: Tree, points: SurfacePoints, frame, offset, anchor, *, shape: TreeShape):
-    """What `PagedNeighbourhood` begins with: fraction, receivers, address and entry."""
+    """What `PagedNeighbourhood` begins with: receivers, fraction, address and entry."""
     receivers = project(points, frame, offset)
     address = address_of(points, anchor, receivers, frame.perspective)
     entry = serve(shape, tree, receivers, address)
@@ -77,4 +77,4 @@ def placed(tree: Tree, points: SurfacePoints, frame, offset, anchor, *, shape: T
         below_1(((at & texel).astype(rest.dtype) + rest) * scale)
         for at, rest in ((address.x, address.rest_x), (address.y, address.rest_y))
     )
-    return jnp.stack(list(parts)), receivers, address, entry
+    return receivers, jnp.stack(list(parts)), address, entry

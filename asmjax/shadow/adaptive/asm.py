@@ -253,9 +253,9 @@ class AdaptiveShadowMap(ShadowAlgorithm[AdaptiveState]):
 
     def around(self, state: AdaptiveState, points: SurfacePoints) -> PagedNeighbourhood:
         *query, bias = self._query(state, points)
-        fraction, receivers, address, entry = placed(*query, shape=state.shape)
+        receivers, fraction, address, entry = placed(*query, shape=state.shape)
         return PagedNeighbourhood(
-            fraction, receivers, address, entry, state.tree, bias,
+            receivers, fraction, address, entry, state.tree, bias,
             state.shape, state.frame.perspective,
         )  # fmt: skip
 

@@ -23,7 +23,7 @@ from asmjax.shadow.neighbourhood import Neighbourhood
 from asmjax.shadow.uniform import UniformShadowMap
 
 Kernel = Literal["bilinear", "sixteen", "dithered", "area", "original"]
-KERNELS: tuple[str, ...] = get_args(Kernel)
+KERNELS: tuple[Kernel, ...] = get_args(Kernel)
 
 WINDOWS = {"bilinear": 1.0, "sixteen": 4.0}
 """Kernels that are the exact average over a window of so many texels a side."""

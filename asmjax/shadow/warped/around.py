@@ -23,10 +23,10 @@ class ChartNeighbourhood(Neighbourhood):
     """
 
     receivers: Receivers
+    fraction: Float[Array, "2 n"]
     place: Place
     width: Float[Array, " n"]
     found: Bool[Array, " n"]
-    fraction: Float[Array, "2 n"]
     depth: Float[Array, " texels"] | None
     prim: UInt16[Array, " texels"] | None
     bias: float

@@ -228,7 +228,7 @@ def _placed(drawn: Drawn, points, seen_from):
 
 
 def _around_of(drawn: Drawn, points, seen_from):
-    """What `ChartNeighbourhood` begins with: receivers, place, width, found, fraction."""
+    """What `ChartNeighbourhood` begins with: receivers, fraction, place, width, found."""
     receivers, place, found = _placed(drawn, points, seen_from)
     # The longer side of a texel, as a fraction of the image's longer side.
     extent = drawn.frame.extent
@@ -237,7 +237,7 @@ def _around_of(drawn: Drawn, points, seen_from):
     (du_s, du_t), (dv_s, dv_t) = place.per_texel
     sides = [(du * width) ** 2 + (dv * height) ** 2 for du, dv in ((du_s, dv_s), (du_t, dv_t))]
     texel = jnp.sqrt(jnp.maximum(*sides)) / jnp.maximum(width, height)
-    return receivers, place, texel, found, place.fraction
+    return receivers, place.fraction, place, texel, found
 
 
 _around = eqx.filter_jit(_around_of)
