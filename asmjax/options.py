@@ -97,8 +97,8 @@ class WalkOptions:
 class MethodOptions:
     """Which algorithms are measured."""
 
-    methods: Annotated[tuple[str, ...], _named("NAME NAME ...", "all")] = ()
-    """Families of shadow algorithms, such as uniform, adaptive, light-space, subdivided; an unknown
+    methods: Annotated[tuple[str, ...], _named("NAME NAME ...", "all maps")] = ()
+    """Families of shadow algorithms, such as uniform, adaptive, light-space, filtered; an unknown
     name lists them all. Tracing shadow rays is always among the results."""
 
 

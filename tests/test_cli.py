@@ -253,7 +253,7 @@ def test_help_explains_every_option_in_groups():
 
 def test_help_of_analyze_names_its_own_options():
     shown = run_program("analyze", "--help", COLUMNS="500").stdout
-    for words in ("--methods", "--angles", "comparison options", "overhead", "(default: all)"):
+    for words in ("--methods", "--angles", "comparison options", "overhead", "(default: all maps)"):
         assert words in shown, words
     assert "--frames" not in shown
 
