@@ -290,6 +290,21 @@ def test_what_a_pixel_gets_does_not_depend_on_its_company(kernel):
     assert np.sum(off > 1e-4) <= 0.005 * n
 
 
+def test_light_has_a_slope_in_position_where_it_is_a_share():
+    """Through the whole query: none where all tests agree, and finite everywhere."""
+    case, algorithm, state = filtered_case("sixteen")
+
+    def total(position):
+        points = eqx.tree_at(lambda points: points.position, case.eye.points, position)
+        lit = algorithm.visibility(state, points)
+        return lit.sum(), lit
+
+    slope, lit = jax.grad(total, has_aux=True)(case.eye.points.position)
+    steep = np.abs(np.asarray(slope)).max(axis=0)
+    assert np.isfinite(steep).all()
+    np.testing.assert_array_equal(steep > 0, (np.asarray(lit) > 0) & (np.asarray(lit) < 1))
+
+
 def test_pixels_are_those_that_see_the_points():
     """Every pixel's own point, and none behind the camera."""
     eye = analytic_case("a6_sphere_sun", 64).eye
