@@ -1,7 +1,5 @@
 """`asmjax plan`: which shadow effects a scene calls for, and which it does not."""
 
-import logging
-
 from tqdm import tqdm
 
 from asmjax.effects import plan_lights, probe_size
@@ -15,8 +13,6 @@ from asmjax.report.plan_files import write_plan
 from asmjax.report.plan_result import PlanResult
 from asmjax.report.plan_table import plan_table
 from asmjax.shadow import ALGORITHMS
-
-_log = logging.getLogger("asmjax")
 
 _STEPS = 3
 """Steps of progress: scene, probe, figure."""
@@ -59,7 +55,7 @@ def plan_scene(options: PlanOptions, progress: Progress = lambda _: None) -> Pla
     sight = Sight(width, height, 1, scene.variant.startswith("scalar"))
     memory = check(plan_stages(sight), limit_of(options.max_memory_mb))
     progress("probe")
-    asked = asked_of(scene, view, [scene.light(name).name for name in options.lights])
+    asked = asked_of(scene, view, options.lights)
     rates = measured_rates(scene, asked, options) if options.recalibrate else known_rates(scene)
     plan = plan_lights(asked, options.tolerance, force, ALGORITHMS, rates, options.seed)
     return PlanResult(plan, asked.eye, scene.variant, scene.notices, memory)

@@ -47,7 +47,7 @@ def plan_effects(
         tolerance: part of the picture's light, mean over its pixels, whose change nobody minds.
         force: what to simulate whatever the numbers say, by light ("*" is all others): none, hard,
             soft, or all (soft, and of lights below the tolerance too).
-        lights: that are planned for; all without.
+        lights: that are decided about, as parts of the light of all; all without.
         moving: whether anything moves between frames.
         seed: of the directions in which the surroundings are looked at.
 
@@ -67,13 +67,13 @@ def asked_of(
     Raises:
         UseError: no such light, or the view sees nothing.
     """
+    chosen = frozenset(scene.light(name).name for name in lights)
     eye = scene.eye(view.resized(*probe_size(view.width, view.height)))
-    names = dict.fromkeys(lights or scene.lights)
     return SceneAsked(
         name=scene.name,
         view=view,
         eye=eye,
-        lights=[_light(scene, name, eye) for name in names],
+        lights=[_light(scene, name, eye) for name in scene.lights],
         rays=rays_to_surroundings(scene),
         first_prim=scene.geometry.first_prim,
         materials=materials_of(scene),
@@ -81,6 +81,7 @@ def asked_of(
         unknown=unknown_emitters(scene),
         lone_convex=_lone_convex(scene, eye.camera.origin),
         moving=moving,
+        chosen=chosen,
     )
 
 

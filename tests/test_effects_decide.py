@@ -33,6 +33,7 @@ from asmjax.effects.widths import CLEAR, RAYS, TEXELS, _largest_gap
 from asmjax.errors import UseError
 from asmjax.experiment.traces import counted_traces
 from asmjax.geometry import sun_light
+from asmjax.report.plan_table import plan_summary
 from asmjax.scene.analytic_rays import AnalyticRays, analytic_eye
 from asmjax.scene.analytic_scenes import (
     a1_square,
@@ -367,6 +368,21 @@ def test_a_lamp_that_dims_flips_at_its_share():
         assert plan.lights == (("main",) if kind == "none" else ("main", "dim"))
         assert plan.methods_for("dim") == (() if kind == "none" else ("adaptive",))
         assert plan.numbers[1].share == pytest.approx(dim / (1 + dim), rel=1e-6)
+
+
+def test_a_light_that_is_asked_about_alone_has_no_larger_share():
+    """Parts are of all lights; those that nobody asks about take no ray and no decision, and may be
+    forced by name without harm."""
+    scene = a1_square()
+    (lamp,) = scene.spec.lights.values()
+    lights = [lamp, replace(lamp, name="dim", intensity=2e-4)]
+    rays = CountedRays(AnalyticRays(scene.spec.shapes))
+    alone = plan_lights(
+        asked_about(scene, lights, chosen=["dim"], rays=rays), force={"centre": "soft"}
+    )
+    assert rays.all == 0 and alone.numbers == plan_lights(asked_about(scene, lights)).numbers[1:]
+    assert alone.lights == () and "below the tolerance" in alone.decision("dim").reason
+    assert "measured all the same" in " ".join(plan_summary(alone.record()).split())
 
 
 def test_shares_by_distance_and_angle():

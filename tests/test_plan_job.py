@@ -82,6 +82,8 @@ def test_planning_changes_no_map():
     first = made()
     plan = plan_effects(scene, "angle", lights=["point"])
     assert plan.methods_for("point") == ("adaptive",)
+    everything = plan_effects(scene, "angle")
+    assert plan.numbers == tuple(each for each in everything.numbers if each.name == "point")
     with counted_traces() as traced:
         second = made()
     assert traced == [] and second[1] == first[1]

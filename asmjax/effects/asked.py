@@ -1,6 +1,6 @@
 """What is planned for: a view of a scene and its lights, whoever casts the rays."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,7 +39,7 @@ class SceneAsked:
         name: of the scene.
         view: at the size of the picture.
         eye: the probe's image of it (`probe_size`).
-        lights: to plan for.
+        lights: all of the scene's, as each is a part of their light.
         rays: against everything, for the surroundings.
         first_prim: (n_shapes + 1,) first primitive of each shape, and their number.
         materials: of the shapes.
@@ -47,6 +47,7 @@ class SceneAsked:
         unknown: names of emitters that are left out of the scene.
         lone_convex: whether one convex object is all there is.
         moving: whether anything moves between frames.
+        chosen: names of the lights that are decided about; all without.
     """
 
     name: str
@@ -60,3 +61,4 @@ class SceneAsked:
     unknown: Sequence[str] = ()
     lone_convex: bool = False
     moving: bool = False
+    chosen: Collection[str] = ()

@@ -49,7 +49,8 @@ def plan_lights(
         UseError: `force` names no light or effect, or the tolerance is below 0.
     """
     force = dict(force or {})
-    check_force(force, [light.spec.name for light in asked.lights])
+    names = [light.spec.name for light in asked.lights]
+    check_force(force, names)
     rates = rates or Rates()
     eye = asked.eye
     paths = [
@@ -58,7 +59,10 @@ def plan_lights(
     ]
     parts, notes = _parts(asked, paths)
     sky, cast = _surroundings(asked, parts, tolerance, seed)
-    order = sorted(range(len(paths)), key=lambda k: -float(parts[k][eye.valid].mean()))
+    order = sorted(
+        (k for k, light in enumerate(asked.lights) if light.spec.name in (asked.chosen or names)),
+        key=lambda k: -float(parts[k][eye.valid].mean()),
+    )
     outcomes, numbers, seen = [], [], []
     for k in order:
         light = asked.lights[k]

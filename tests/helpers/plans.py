@@ -48,6 +48,7 @@ def asked_about(
     materials: Materials | None = None,
     surroundings: Sequence[Surroundings] = (),
     rays: LightRays | None = None,
+    chosen: Sequence[str] = (),
 ) -> SceneAsked:
     """A view of `side` x `side` pixels of an analytic scene under other lights."""
     shapes = scene.spec.shapes
@@ -63,6 +64,7 @@ def asked_about(
         first_prim=primitive_offsets(shapes),
         materials=materials or opaque_materials(len(shapes)),
         surroundings=surroundings,
+        chosen=chosen,
     )
 
 
