@@ -3,7 +3,6 @@
 import logging
 from dataclasses import replace
 
-import numpy as np
 from tqdm import tqdm
 
 from asmjax.effects.methods import soft_methods, wants_softness
@@ -94,7 +93,7 @@ def measure_scene(options: RunOptions, progress: Progress = lambda _: None) -> R
     maps = analysis_maps(eyes[0], frame, uniform, flat.state)
     progress(adaptive.name)
     methods = [flat, measure(adaptive, eyes, frame, rays, options.repeats)]
-    for soft in soft_methods(decision, uniform.resolution, _texel_px(maps)):
+    for soft in soft_methods(decision, uniform.resolution):
         maps_in_all = [uniform, adaptive, soft]
         sight = sight_of(subject.scene, subject.view, options.samples)
         check(run_stages(sight, maps_in_all, frame.faces), limit_of(options.max_memory_mb))
@@ -124,12 +123,6 @@ def measure_scene(options: RunOptions, progress: Progress = lambda _: None) -> R
         plan=plan.record(),
         standard_error=standard_error,
     )
-
-
-def _texel_px(maps: dict[str, np.ndarray]) -> float:
-    """Texel / pixel of the flat map, linear: the median over what the light shines on."""
-    ratio = maps["linear_ratio"]
-    return float(np.median(ratio[np.isfinite(ratio) & (ratio > 0)]))
 
 
 def _uniform(chosen: ChosenMaps, faces: int) -> UniformShadowMap:

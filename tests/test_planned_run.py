@@ -1,19 +1,26 @@
 """What a plan skips is free: a point light casts and compiles as if softness did not exist."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
+from helpers.plans import asked_about
 from test_main_job import scene_file
 
 from asmjax import cli
-from asmjax.effects import Decision
+from asmjax.effects import Decision, plan_lights
 from asmjax.effects.methods import soft_methods, wants_softness
 from asmjax.experiment.traces import counted_traces
 from asmjax.main_job import measure_scene
 from asmjax.options import RunOptions
 from asmjax.render.caster import MitsubaRays
 from asmjax.render.soft_truth import SoftShadowRays
+from asmjax.scene.analytic_rays import AnalyticRays, analytic_eye, scene_bounds
+from asmjax.scene.analytic_scenes import a5_half_plane
+from asmjax.scene.lights import light_frame
+from asmjax.scene.spec import ViewSpec
 from asmjax.shadow import (
     ALGORITHMS,
     AccumulatedShadowMap,
@@ -74,22 +81,54 @@ def decided(*methods: str, **settings: float) -> Decision:
 
 def test_decisions_become_algorithms():
     """The families of the registry, with the decision's numbers; hard ones need nothing more."""
-    taps = {"blocker_taps": 16.0, "filter_taps": 25.0, "widest_px": 40.0}
-    assert soft_methods(decided("pcss", **taps), 512, 1.0) == [PCSSShadowMap(512, 16, 25)]
-    assert soft_methods(decided("moment", **taps), 512, 1.0) == [MomentShadowMap(512)]
-    sampled = soft_methods(decided("accumulated", samples=8), 512, 1.0)
+    taps = {"blocker_taps": 16.0, "filter_taps": 25.0}
+    assert soft_methods(decided("pcss", **taps), 512) == [PCSSShadowMap(512, 16, 25)]
+    assert soft_methods(decided("moment", **taps), 512) == [MomentShadowMap(512)]
+    sampled = soft_methods(decided("accumulated", samples=8), 512)
     assert sampled == [AccumulatedShadowMap(512, 8)]
-    (filtered,) = soft_methods(decided("adaptive", "filtered", kernel_px=3.0), 512, 0.5)
+    (filtered,) = soft_methods(decided("uniform", "filtered", width_map=6 / 512), 512)
     assert isinstance(filtered, FilteredShadowMap)
     assert (filtered.kernel, filtered.width) == ("area", 6.0)
+    (narrow,) = soft_methods(decided("uniform", "filtered", width_map=1e-4), 512)
+    assert isinstance(narrow, FilteredShadowMap) and narrow.width == 1.0
     hard = Decision("lamp", "hard", methods=("adaptive",))
-    assert soft_methods(hard, 512, 1.0) == [] and not wants_softness(hard)
+    assert soft_methods(hard, 512) == [] and not wants_softness(hard)
     missing = Decision("lamp", "soft", methods=("adaptive",), simulated=False)
     assert not wants_softness(missing)
-    assert {type(soft_methods(decided(f, **taps, samples=2), 64, 1.0)[0]) for f in SOFT} == set(
+    assert {type(soft_methods(decided(f, **taps, samples=2), 64)[0]) for f in SOFT} == set(
         SOFT.values()
     )
     assert set(MAPS).isdisjoint(SOFT)
+
+
+def test_a_planned_filter_beats_hard_edges_and_other_widths():
+    """A5, a floor that recedes, so that the penumbra narrows from 3 pixels to one: the plan's
+    filter against the closed form, beside the hard map and filters half and twice as wide."""
+    scene = a5_half_plane(0.04)
+    light, shapes = scene.soft_light(), scene.spec.shapes
+    view = ViewSpec("receding", (0.8, -4.5, 1.5), (0.0, 0.0, 0.0), (0, 0, 1), fov_x_deg=50.0)
+    plan = plan_lights(asked_about(scene, [light], view=view, side=128), 0.0)
+    decision = plan.decision("centre")
+    eye = analytic_eye(shapes, view.resized(128, 128))
+    frame, rays = light_frame(light, eye, scene_bounds(shapes)), AnalyticRays(shapes)
+    floor = eye.shape == 0
+    assert scene.soft_visibility is not None
+    truth = scene.soft_visibility(*eye.world[:2, floor])
+
+    def error(algorithm) -> float:
+        lit = algorithm.visibility(algorithm.build(eye, frame, rays), eye.points)
+        return float(np.abs(np.asarray(lit)[floor] - truth).mean())
+
+    # Half side 0.04 above a half-plane at 2 of 5: 2 x 0.04 x 2 / 3 on a floor at 5.
+    down = frame.rotation[:, 2, 2].argmin()
+    width = 0.16 / 3 / 5 / np.sqrt(np.prod(frame.extent[down]))
+    assert decision.settings["width_map"] == pytest.approx(width, rel=0.05)
+    (planned,) = soft_methods(decision, 1024)
+    assert isinstance(planned, FilteredShadowMap)
+    least = error(planned)
+    assert least < 0.4 * error(planned.inner)
+    for factor in (0.5, 2.0):
+        assert least < 0.8 * error(replace(planned, width=factor * planned.width))
 
 
 @pytest.mark.mitsuba

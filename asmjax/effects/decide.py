@@ -44,13 +44,15 @@ MAP_TEXELS = 2**22
 PCF_TAPS, BLOCKER_TAPS, FILTER_TAPS = 16, 32, 64
 """Texels that a pixel reads with a filter, or in search of blockers and then with one."""
 
-HARD, FILTERED, SOFT, WIDEST = (
+HARD, FLAT, FILTERED, SOFT, WIDEST = (
     ("adaptive", "uniform"),
+    ("uniform",),
     ("filtered",),
     ("pcss", "moment", "accumulated"),
     ("accumulated",),
 )
-"""Families of the registry for each kind of shadow; the first that is there is taken."""
+"""Families of the registry for each kind of shadow; the first that is there is taken. Filters stand
+on flat maps, whose texels are of one size."""
 
 FAMILIES = frozenset((*HARD, *FILTERED, *SOFT))
 
@@ -213,13 +215,17 @@ class _Choice:
         )
 
     def _filtered(self) -> Outcome:
-        """A hard map whose answers are filtered over as many pixels as penumbrae are wide."""
+        """A flat map whose answers are filtered over as much of it as penumbrae are wide there.
+
+        Not over as many pixels: of a straight blocker above a floor the width in the light's image
+        is the same from near to far.
+        """
         numbers, rates = self.numbers, self.rates
         typical, width = numbers.width_p50, numbers.width_p95
         decision = Decision(
-            **self._common(self._first(HARD), self._first(FILTERED)),
+            **self._common(self._first(FLAT), self._first(FILTERED)),
             kind="hard",
-            settings={"kernel_px": max(typical, SUBPIXEL)},
+            settings={"width_map": numbers.width_map},
             quantity="width of penumbrae, px",
             number=width,
             threshold=NARROW,
@@ -229,7 +235,7 @@ class _Choice:
             rays=MAP_TEXELS,
             seconds=MAP_TEXELS * rates.texel + PCF_TAPS * numbers.pixels * rates.tap,
         )
-        return self._if_registered(decision, FILTERED)
+        return self._if_registered(decision, FLAT, FILTERED)
 
     def _soft(self, why: str) -> Outcome:
         """One map with a filter of each pixel's own, or the mean of many maps where penumbrae are
@@ -257,9 +263,8 @@ class _Choice:
             how = "one map, filtered as widely as each pixel's own penumbra"
         method = self._first(wanted)
         samples = self._sampled() if method == "accumulated" else self._one_map()
-        fallback = () if method else (self._first(HARD),)
         decision = Decision(
-            **self._common(method, *fallback),
+            **self._common(method),
             kind="soft",
             **by_width,
             **samples,
@@ -285,7 +290,6 @@ class _Choice:
         taps = BLOCKER_TAPS + FILTER_TAPS
         return {
             "settings": {
-                "widest_px": self.numbers.width_p95,
                 "blocker_taps": BLOCKER_TAPS,
                 "filter_taps": FILTER_TAPS,
             },
@@ -293,12 +297,18 @@ class _Choice:
             "seconds": MAP_TEXELS * self.rates.texel + taps * self.numbers.pixels * self.rates.tap,
         }
 
-    def _if_registered(self, decision: Decision, wanted: tuple[str, ...]) -> Outcome:
-        if self._first(wanted) is not None:
-            return Outcome((decision,))
-        why = f"no method for it is registered ({' or '.join(wanted)}); its edges are hard"
-        missing = NotSimulated(decision.light, "penumbra", why, decision.error)
-        return Outcome((replace(decision, simulated=False),), (), (missing,))
+    def _if_registered(self, decision: Decision, *wanted: tuple[str, ...]) -> Outcome:
+        """The decision, if of all that is `wanted` something is registered; else a hard map."""
+        for families in wanted:
+            if self._first(families) is None:
+                why = (
+                    f"no method for it is registered ({' or '.join(families)}); its edges are hard"
+                )
+                missing = NotSimulated(decision.light, "penumbra", why, decision.error)
+                hard = self._common(self._first(HARD))["methods"]
+                left = replace(decision, methods=hard, simulated=False, forced=False)
+                return Outcome((left,), (), (missing,))
+        return Outcome((decision,))
 
     def _common(self, *methods: str | None) -> dict[str, Any]:
         """What all decisions with a map say."""

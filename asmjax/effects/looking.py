@@ -114,12 +114,13 @@ class _Closer:
         k = widths.gap_ratio(area, self.paths, hard.stop)
         if edges.dark.size:
             known = self._measured(known, widths.at_edges(ellipse, k, edges), edges)
+            known = self._in_map(known, k, edges.dark)
         elif (bound > 0).any():
             # Nothing that the probe resolves: what may be there, as if all of it were penumbra.
             some = np.flatnonzero(bound)
             length = self.scale**2 * some.size / float(bound[some].mean())
             maybe = widths.Edges(some, some, np.zeros((2, some.size)), length)
-            known = self._measured(known, bound[some], maybe)
+            known = self._in_map(self._measured(known, bound[some], maybe), gaps, some)
         dark = self.paths.facing & ~hard.lit
         umbra = widths.umbra_share(eye, dark, edges, ellipse, k, self.scale)
         known = replace(known, rays=known.rays + blockers.rays, umbra=umbra)
@@ -147,6 +148,12 @@ class _Closer:
             width_p95=float(p95),
             width_mean=float(found.mean()),
         )
+
+    def _in_map(self, known: LightNumbers, k: np.ndarray, beside: np.ndarray) -> LightNumbers:
+        """With the width of the penumbrae at the pixels `beside` edges in the light's image."""
+        assert self.frame.area is not None
+        found = widths.width_in_map(self.frame, self.frame.area, self.paths, k)[beside]
+        return replace(known, width_map=float(np.median(found)))
 
     @property
     def scale(self) -> float:

@@ -1,7 +1,8 @@
 """From a decision to the shadow algorithms that carry it out."""
 
-import numpy as np
+from collections.abc import Callable
 
+from asmjax.effects.decide import FILTERED, FLAT
 from asmjax.effects.records import Decision
 from asmjax.shadow import (
     AccumulatedShadowMap,
@@ -11,50 +12,45 @@ from asmjax.shadow import (
     ShadowAlgorithm,
     UniformShadowMap,
 )
-from asmjax.shadow.filtered.pcf import LEAST_WIDTH, MOST_WIDTH
+from asmjax.shadow.filtered.pcf import MOST_WIDTH
 
 
 def wants_softness(decision: Decision) -> bool:
     """Whether the penumbrae of a light are simulated: its truth then is soft, and a method of its
     own makes them."""
-    return decision.simulated and decision.methods[-1:] in _MAKERS
+    return decision.simulated and decision.methods in _MAKERS
 
 
-def soft_methods(decision: Decision, resolution: int, texel_px: float) -> list[ShadowAlgorithm]:
+def soft_methods(decision: Decision, resolution: int) -> list[ShadowAlgorithm]:
     """What makes the penumbrae of a decision, of maps of `resolution` texels a side in all; nothing
-    where there are none to make.
-
-    Args:
-        texel_px: texel / pixel of such a map, linear, at the typical receiver.
-    """
+    where there are none to make."""
     if not wants_softness(decision):
         return []
-    return [_MAKERS[decision.methods[-1:]](decision, resolution, texel_px)]
+    return [_MAKERS[decision.methods](decision, resolution)]
 
 
-def _filtered(decision: Decision, resolution: int, texel_px: float) -> FilteredShadowMap:
-    """A window as wide as penumbrae are, in texels."""
-    width = decision.settings["kernel_px"] / texel_px
-    width = float(np.clip(width, LEAST_WIDTH, MOST_WIDTH))
+def _filtered(decision: Decision, resolution: int) -> FilteredShadowMap:
+    """A window as wide as penumbrae are, and at least a texel, whose steps would be seen."""
+    width = min(max(decision.settings["width_map"] * resolution, 1.0), MOST_WIDTH)
     return FilteredShadowMap("area", width=width, inner=UniformShadowMap(resolution))
 
 
-def _pcss(decision: Decision, resolution: int, texel_px: float) -> PCSSShadowMap:
+def _pcss(decision: Decision, resolution: int) -> PCSSShadowMap:
     taps = {name: int(decision.settings[name]) for name in ("blocker_taps", "filter_taps")}
     return PCSSShadowMap(resolution, **taps)
 
 
-def _moment(decision: Decision, resolution: int, texel_px: float) -> MomentShadowMap:
+def _moment(decision: Decision, resolution: int) -> MomentShadowMap:
     return MomentShadowMap(resolution)
 
 
-def _accumulated(decision: Decision, resolution: int, texel_px: float) -> AccumulatedShadowMap:
+def _accumulated(decision: Decision, resolution: int) -> AccumulatedShadowMap:
     samples = int(decision.settings["samples"])
     return AccumulatedShadowMap(max(resolution, samples), samples)
 
 
-_MAKERS = {
-    ("filtered",): _filtered,
+_MAKERS: dict[tuple[str, ...], Callable[[Decision, int], ShadowAlgorithm]] = {
+    (*FLAT, *FILTERED): _filtered,
     ("pcss",): _pcss,
     ("moment",): _moment,
     ("accumulated",): _accumulated,

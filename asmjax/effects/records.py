@@ -30,6 +30,7 @@ class LightNumbers:
         contrast: part of the light that comes from here, mean beside those edges.
         width_p50, width_p95, width_mean: of penumbrae across those edges, pixels; of parallel light
             those that it had if it were the sun's.
+        width_map: of the same penumbrae in the light's image, parts of its side, median.
         umbra: part of the hard shadow's pixels that stay dark.
         solid_angle: steradians, median over what it shines on.
         transmitted: part of the light that comes from here through transmissive surfaces and media.
@@ -53,6 +54,7 @@ class LightNumbers:
     width_p50: float = 0.0
     width_p95: float = 0.0
     width_mean: float = 0.0
+    width_map: float = 0.0
     umbra: float = 1.0
     solid_angle: float = 0.0
     transmitted: float = 0.0
@@ -87,7 +89,7 @@ class Decision:
         faces: of the map, 0 where there is none.
         fov_deg: of its widest face, degrees; None for parallel light or no map.
         methods: families of the registry: the map, and what filters it.
-        settings: of the methods: widths in pixels, numbers of samples.
+        settings: of the methods: widths in parts of the map's side, numbers of samples and taps.
         samples: of the light, K; 1 is its centre.
         sample_error: largest error of visibility that so many leave; 0 for other methods.
         quantity, number, threshold: what decided, in words, its value, and where the decision

@@ -134,6 +134,24 @@ def gap_ratio(area: AreaLight, paths: Paths, stop: np.ndarray) -> np.ndarray:
     return (1 - stop) / np.maximum(stop, NEAREST)
 
 
+def width_in_map(frame: LightFrame, area: AreaLight, paths: Paths, k: np.ndarray) -> np.ndarray:
+    """Widths (n,) of the same penumbrae in the light's own image, parts of its side, whatever the
+    eye sees: of a straight blocker above a plane the same all along its shadow's edge.
+
+    Of a light as wide as it looks from there; square sides where the image has two.
+    """
+    side = np.asarray(area.effective_width(paths.along))
+    if area.shape == "rectangle":
+        # Of a square as large as the disk.
+        side = side * np.sqrt(np.pi) / 2
+    extent = np.sqrt(np.prod(frame.extent, axis=1))
+    if not frame.perspective:
+        return k * side / extent[0]
+    depth = np.einsum("fi,in->fn", frame.rotation[:, 2], paths.along)
+    face = depth.argmax(axis=0)
+    return k * side / (np.maximum(depth.max(axis=0), frame.near) * extent[face])
+
+
 def width_across(ellipse: Ellipse, k: np.ndarray, across: np.ndarray) -> np.ndarray:
     """Widths (n,) in pixels of penumbrae across edges, `across` (2, n) as of `Edges`; where that is
     0 the widest of any edge there."""

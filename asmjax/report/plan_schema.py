@@ -22,7 +22,9 @@ _DECISION = {
     "faces": Key("count", "of the map; 0 where there is none"),
     "fov_deg": Key("amount", "of its widest face, degrees; null for parallel", nullable=True),
     "methods": Key("text list", "families of the registry: the map, then what filters it"),
-    "settings": Key("any object", "of the methods: widths in pixels, numbers of samples"),
+    "settings": Key(
+        "any object", "of the methods: widths in parts of the map's side, numbers of samples"
+    ),
     "samples": Key("count", "of the light; 1 is its centre"),
     "sample_error": Key("amount", "largest error of visibility that so many leave"),
     "quantity": Key("text", "what decided, in words"),
@@ -61,6 +63,7 @@ _NUMBERS = {
     "contrast": Key("fraction", "part of the light that comes from here, beside those edges"),
     **_WIDTHS,
     "width_mean": Key("amount", "mean of it, pixels"),
+    "width_map": Key("amount", "of them in the light's image, median, parts of its side"),
     "umbra": Key("fraction", "part of the hard shadow's pixels that stay dark"),
     "solid_angle": Key("amount", "of the light, steradians, median over what it shines on"),
     "transmitted": Key("amount", "part of the light that passes through casters"),

@@ -48,13 +48,12 @@ def plan_table(plan: Plan) -> str:
 
 
 def plan_summary(plan: Mapping) -> str:
-    """The record of a run's plan in a few lines, without a last newline: what is done about each
-    light and why, and what is missing."""
+    """A plan's record in a few lines, without a last newline: what is done about each light and
+    why, and what is missing."""
     said = []
     for row in plan["decisions"]:
         by = f" by {_methods(row)}" if _methods(row) else ""
-        anyway = "; its hard shadow is measured all the same" if row["kind"] == "none" else ""
-        said.append(f"plan, {row['light']}: {row['kind']}{by}; {row['reason']}{anyway}")
+        said.append(f"plan, {row['light']}: {row['kind']}{by}; {row['reason']}")
     for item in plan["not_simulated"]:
         much = f" ({percent(item['error'])} of the light)" if item["error"] else ""
         said.append(f"not simulated: {item['effect']}{much}: {item['reason']}")
