@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers.analytic_cases import Case, analytic_case, kept_arrays, permuted
+from helpers.effort import effort
 from helpers.mitsuba_scenes import loaded
 from helpers.registry import FAST
 from helpers.slow_tree import (
@@ -100,8 +101,8 @@ def closer(name: str) -> Case:
         ("a4_disc_light", False),
         ("a6_sphere", False),
         ("a6_sphere_sun", False),
-        ("a6_sphere", True),
-        ("a6_sphere_sun", True),
+        pytest.param("a6_sphere", True, marks=pytest.mark.slow),
+        pytest.param("a6_sphere_sun", True, marks=pytest.mark.slow),
     ],
 )
 def test_blocks_are_what_their_pixels_are(name, wide):
@@ -172,7 +173,7 @@ def number(low, high):
     x=number(-4, 4), y=number(-4, 4), height=number(0.0625, 6), aside=number(-3, 3),
     lamp=number(-2, 2), fov=number(5, 80),
 )  # fmt: skip
-@settings(max_examples=25)
+@settings(max_examples=effort(8, 25))
 def test_any_view_and_light(x, y, height, aside, lamp, fov):
     """From grazing views close to the plane to ones from above."""
     scene = ANALYTIC_SCENES["a4_disc_light"]()
@@ -354,7 +355,11 @@ def test_pages_that_cover_leave_no_gap(seed):
 
 
 @pytest.mark.mitsuba
-@pytest.mark.parametrize("view", ["overview", "closeup", "macro"])
+@pytest.mark.parametrize(
+    "view",
+    [pytest.param("overview", marks=pytest.mark.slow), "closeup",
+     pytest.param("macro", marks=pytest.mark.slow)],
+)  # fmt: skip
 def test_blocks_of_a_rendered_room(view):
     """Triangles, a wide light, 31,000 primitives; then a step of the eye."""
     scene = loaded("paper_room")

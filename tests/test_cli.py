@@ -48,7 +48,7 @@ def test_defaults():
 
 def test_every_option_arrives():
     words = (
-        "run terrain --view low --size 256 128 --sensor 1 --light sun --trust-scene "
+        "run terrain --view low --size 256 128 --sensor 1 --light sun --tolerance 0.01 --force soft --trust-scene "
         "--memory-mb 0.5 --time-limit-ms 2.5 --node-resolution 64 --cells 4 --preset paper_2001 "
         "--settings my.toml --samples 16 --repeats 1 --seed 7 --variant scalar_rgb "
         "--max-memory-mb 512 --recalibrate --out there --save-arrays --quiet"
@@ -60,6 +60,8 @@ def test_every_option_arrives():
         sensor="1",
         light="sun",
         trust_scene=True,
+        tolerance=0.01,
+        force=("soft",),
         memory_mb=0.5,
         time_limit_ms=2.5,
         node_resolution=64,
@@ -98,9 +100,9 @@ def test_max_memory_has_a_short_name_too(command):
     assert parsed(command).max_memory_mb is None
 
 
-def test_analyze_has_the_options_of_run_but_those_of_walks():
+def test_analyze_has_the_options_of_run_but_those_of_walks_and_plans():
     own = {"methods", "angles"}
-    walk = {"frames", "motion", "keys", "object"}
+    walk = {"frames", "motion", "keys", "object", "force", "tolerance"}
     of_run, of_analyze = (
         {field.name: field.default for field in dataclasses.fields(options)}
         for options in (RunOptions, AnalyzeOptions)

@@ -19,6 +19,7 @@ from helpers.analytic_cases import (
     random_rotation,
 )
 from helpers.counting import CountingRays
+from helpers.effort import ALIKE
 from helpers.made_for import MADE, avenue, made_case
 from helpers.made_for import TEXELS as MADE_TEXELS
 from helpers.registry import SIBLINGS, VARIANTS
@@ -42,10 +43,6 @@ BUDGETS = (4**7, 4**9)
 
 LIGHTS = ("a6_sphere", "a6_sphere_sun")
 """A point light that needs three faces, and parallel rays."""
-
-
-ALIKE = ("perspective", "trapezoidal", "logarithmic")
-"""Maps of one warped chart, as `light-space` is: the quick run leaves them to it."""
 
 
 def case_of(sibling, *more):

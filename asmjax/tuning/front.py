@@ -36,15 +36,18 @@ STARTS = 6
 """Of the searches at each price that continuation is compared with; it has twice as many of its
 own."""
 
-FOLLOWED = 3
+FOLLOWED = 2
 """Of those, how many are gone on with."""
+
+VALLEYS = 3
+"""Ends of searches for other prices that are tried at each."""
 
 APART = (0.2, 0.6)
 """Least distance of starts, in sides of the box, half of them each: near ones mostly end in the
 same valley, but the best points lie close together, and not all in the best valley."""
 
 SCREENED = 512
-"""Random points of which those searches start from the best."""
+"""Random points of which those searches start from the best; continuation has four times them."""
 
 STILL = (TEMPERATURE,)
 """Temperatures of a search that keeps to the valley where it begins."""
@@ -117,13 +120,13 @@ def sensitivity(model: Model, price: float, point: np.ndarray) -> Sensitivity:
 def trace_front(
     model: Model, price: float, tried: np.ndarray, seed: int = 0
 ) -> tuple[Sensitivity, tuple[FrontPoint, ...]]:
-    """The front about a price, from its optimum outwards and back again; and how the best settings
-    move with the price there.
+    """The front about a price, from its optimum outwards; and how the best settings move with the
+    price there.
 
     Each next optimum is predicted by the last one's sensitivity and corrected by searches, from
-    there and from the best known points for its price. On the way back neighbours take over where
-    they are better: a curve may fold. In the end each is compared with searches from points that
-    the curve knows nothing of, and where those are better they stand in its place.
+    there and from the best known points for its price. Then the ends of all searches for other
+    prices are tried at each, as a curve may fold. At last each is compared with searches from
+    points that the curve knows nothing of, and where those are better they stand in its place.
 
     Args:
         tried: (k, knobs) points that may be good.
@@ -131,7 +134,7 @@ def trace_front(
     """
     prices = price * np.geomspace(1 / SPAN, SPAN, POINTS)
     drawn = qmc.Sobol(len(NAMES), seed=seed)  # pyright: ignore[reportCallIssue]
-    own, others = drawn.random(2 * SCREENED), drawn.random(SCREENED)
+    own, others = drawn.random(4 * SCREENED), drawn.random(SCREENED)
     known = _Screened(model, np.concatenate([tried, own]))
     curve = _curve(model, prices, known)
     elsewhere = _Screened(model, others)
@@ -167,13 +170,15 @@ def _curve(
     """Optima and their log objectives by the number of their price, by continuation."""
     middle = len(prices) // 2
     curve: dict[int, tuple[np.ndarray, float]] = {}
+    ends: list[np.ndarray] = []
 
     def correct(k: int, starts: list[np.ndarray], temperatures=STILL, followed=None) -> None:
         found = search(model, Goal(price=float(prices[k])), starts, temperatures, followed)
+        ends.extend(found.points)
         if k not in curve or found.losses[0] < curve[k][1]:
             curve[k] = found.points[0], float(found.losses[0])
 
-    # Out to either end from the middle, then all the way back and forth.
+    # Out to either end from the middle.
     correct(middle, known.best(prices[middle], 2 * STARTS), COOLING, 2 * FOLLOWED)
     for k in (*range(middle + 1, len(prices)), *range(middle - 1, -1, -1)):
         beside = k - 1 if k > middle else k + 1
@@ -182,10 +187,10 @@ def _curve(
         predicted = np.asarray(boxed(unboxed(here) + ratio * step))
         correct(k, [predicted])
         correct(k, known.best(prices[k], 2 * STARTS), COOLING, 2 * FOLLOWED)
-    back_and_forth = [(k, k - 1) for k in range(1, len(prices))]
-    back_and_forth += [(k, k + 1) for k in range(len(prices) - 2, -1, -1)]
-    for k, beside in back_and_forth:
-        correct(k, [curve[beside][0]])
+    # A valley that is second best at one price may be the best at another.
+    valleys = _Screened(model, np.stack(ends))
+    for k, price in enumerate(prices):
+        correct(k, valleys.best(float(price), VALLEYS))
     return curve
 
 

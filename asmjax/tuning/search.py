@@ -23,7 +23,7 @@ TEMPERATURES = (1.0, 0.5, TEMPERATURE)
 STEPS = 40
 """Of BFGS at each temperature."""
 
-SHORT = 16
+SHORT = 12
 """Of those searches of which the best alone are gone on with."""
 
 EDGE = 4.0

@@ -108,7 +108,7 @@ class Tuner:
         ledger: Ledger,
         seed: int = 0,
         evaluations: int = 60,
-        rounds: int = 4,
+        rounds: int = 3,
         deadline: float | None = None,
         progress: Callable[[str], None] = lambda _: None,
     ):

@@ -16,6 +16,11 @@ EXAMPLES = {"fast": 50, "ci": 1_000, "hard": 10_000}
 PROFILE = os.environ.get("HYPOTHESIS_PROFILE", "hard" if HARD else "fast")
 
 
+ALIKE = ("perspective", "trapezoidal", "logarithmic", "partitioned")
+"""Families that the quick run leaves to siblings: maps of one warped chart, as `light-space` is, or
+of several, as `subdivided` and `tuned` are."""
+
+
 def effort(quick: T, hard: T) -> T:
     """`quick`, or `hard` where the long run was asked for."""
     return hard if HARD else quick
