@@ -48,7 +48,8 @@ def test_defaults():
 
 def test_every_option_arrives():
     words = (
-        "run terrain --view low --size 256 128 --sensor 1 --light sun --tolerance 0.01 --force soft --trust-scene "
+        "run terrain --view low --size 256 128 --sensor 1 --light sun --trust-scene "
+        "--tolerance 0.01 --force soft "
         "--memory-mb 0.5 --time-limit-ms 2.5 --node-resolution 64 --cells 4 --preset paper_2001 "
         "--settings my.toml --samples 16 --repeats 1 --seed 7 --variant scalar_rgb "
         "--max-memory-mb 512 --recalibrate --out there --save-arrays --quiet"
