@@ -108,11 +108,16 @@ def test_no_umbra_takes_many_maps():
 def test_samples_are_as_many_as_a_penumbra_has_pixels():
     """m x m samples, m = min(width, 1 / (2 error)): 1 / (2 m) is what they leave."""
     few = of(wide(5.5, umbra=0.0))
-    assert few.samples == 36 and few.settings == {"samples": 6}
+    assert few.samples == 36 and few.settings == {"samples": 6, "width_map": 0.0}
     assert few.sample_error == pytest.approx(1 / 12)
-    assert few.rays == 36 * LAMP.pixels
     many = of(wide(500.0))
     assert many.samples == 256 and many.sample_error == 1 / 32
+    # The same texels, read once for each sample.
+    assert few.rays == many.rays == MAP_TEXELS
+    rates = Rates()
+    assert many.seconds - few.seconds == pytest.approx((256 - 36) * LAMP.pixels * rates.tap)
+    # 2048 texels a side: 32 of them are worth 6 samples.
+    assert of(wide(500.0, width_map=1 / 64)).samples == 36
     assert many.seconds > of(LAMP).seconds > of(wide(0.5)).seconds > 0
 
 

@@ -18,7 +18,7 @@ from asmjax.options import RunOptions
 from asmjax.render.caster import MitsubaRays
 from asmjax.render.soft_truth import SoftShadowRays
 from asmjax.scene.analytic_rays import AnalyticRays, analytic_eye, scene_bounds
-from asmjax.scene.analytic_scenes import a5_half_plane
+from asmjax.scene.analytic_scenes import a4_disc_light, a5_half_plane
 from asmjax.scene.lights import light_frame
 from asmjax.scene.spec import ViewSpec
 from asmjax.shadow import (
@@ -84,8 +84,9 @@ def test_decisions_become_algorithms():
     taps = {"blocker_taps": 16.0, "filter_taps": 25.0}
     assert soft_methods(decided("pcss", **taps), 512) == [PCSSShadowMap(512, 16, 25)]
     assert soft_methods(decided("moment", **taps), 512) == [MomentShadowMap(512)]
-    sampled = soft_methods(decided("accumulated", samples=8), 512)
-    assert sampled == [AccumulatedShadowMap(512, 8)]
+    for width, samples in ((0.0, 8), (1.0, 8), (0.05, 5), (1e-6, 2)):
+        sampled = soft_methods(decided("accumulated", samples=8, width_map=width), 512)
+        assert sampled == [AccumulatedShadowMap(512, samples)]
     (filtered,) = soft_methods(decided("uniform", "filtered", width_map=6 / 512), 512)
     assert isinstance(filtered, FilteredShadowMap)
     assert (filtered.kernel, filtered.width) == ("area", 6.0)
@@ -95,9 +96,9 @@ def test_decisions_become_algorithms():
     assert soft_methods(hard, 512) == [] and not wants_softness(hard)
     missing = Decision("lamp", "soft", methods=("adaptive",), simulated=False)
     assert not wants_softness(missing)
-    assert {type(soft_methods(decided(f, **taps, samples=2), 64)[0]) for f in SOFT} == set(
-        SOFT.values()
-    )
+    assert {
+        type(soft_methods(decided(f, **taps, samples=2, width_map=0), 64)[0]) for f in SOFT
+    } == set(SOFT.values())
     assert set(MAPS).isdisjoint(SOFT)
 
 
@@ -123,12 +124,34 @@ def test_a_planned_filter_beats_hard_edges_and_other_widths():
     down = frame.rotation[:, 2, 2].argmin()
     width = 0.16 / 3 / 5 / np.sqrt(np.prod(frame.extent[down]))
     assert decision.settings["width_map"] == pytest.approx(width, rel=0.05)
-    (planned,) = soft_methods(decision, 1024)
+    (planned,) = soft_methods(decision, 512)
     assert isinstance(planned, FilteredShadowMap)
     least = error(planned)
     assert least < 0.4 * error(planned.inner)
     for factor in (0.5, 2.0):
-        assert least < 0.8 * error(replace(planned, width=factor * planned.width))
+        assert least < 0.9 * error(replace(planned, width=factor * planned.width))
+
+
+def test_samples_are_as_many_as_their_maps_have_texels_for():
+    """A4: the planned number beats half and twice as many of the same texels in all."""
+    scene = a4_disc_light(light_half=1.2)
+    light, shapes = scene.soft_light(), scene.spec.shapes
+    (view,) = scene.spec.views.values()
+    (numbers,) = plan_lights(asked_about(scene, [light])).numbers
+    decision = decided("accumulated", samples=16, width_map=numbers.width_map)
+    eye = analytic_eye(shapes, view.resized(64, 64))
+    frame, rays = light_frame(light, eye, scene_bounds(shapes)), AnalyticRays(shapes)
+    floor = eye.shape == 0
+    assert scene.soft_visibility is not None
+    truth = scene.soft_visibility(*eye.world[:2, floor])
+    (planned,) = soft_methods(decision, 256)
+    assert isinstance(planned, AccumulatedShadowMap) and 4 < planned.samples < 12
+    errors = []
+    for samples in (planned.samples, planned.samples // 2, 2 * planned.samples):
+        algorithm = AccumulatedShadowMap(256, samples)
+        lit = algorithm.visibility(algorithm.build(eye, frame, rays), eye.points)
+        errors.append(float(np.abs(np.asarray(lit)[floor] - truth).mean()))
+    assert errors[0] == min(errors)
 
 
 @pytest.mark.mitsuba

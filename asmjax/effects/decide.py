@@ -67,6 +67,16 @@ def check_force(force: Mapping[str, str], lights: Collection[str]) -> None:
             raise unknown_name("effect to force", kind, get_args(Force))
 
 
+def samples_worth(side: int, texels: float) -> int:
+    """How many of `side` samples a side to take where their maps share the texels of one, in which
+    penumbrae are so many wide (0 for unknown).
+
+    m x m maps have texels m times as long, and leave steps of 1 / m of a penumbra: both are as long
+    for m = sqrt(texels), and together the shortest.
+    """
+    return min(side, max(2, round(math.sqrt(texels)))) if texels > 0 else side
+
+
 def decide_light(
     numbers: LightNumbers,
     tolerance: float = TOLERANCE,
@@ -275,15 +285,17 @@ class _Choice:
         return self._if_registered(decision, wanted)
 
     def _sampled(self) -> dict[str, Any]:
-        """m x m samples of the light, m as many as a penumbra has pixels: more are not seen."""
-        side = math.ceil(min(max(self.numbers.width_p95, 2.0), 1 / (2 * SAMPLE_ERROR)))
-        rays = side * side * round(self.numbers.facing * self.numbers.pixels)
+        """m x m samples of the light, m as many as a penumbra has pixels, as more are not seen, and
+        no more than the texels of their maps are worth."""
+        numbers, rates = self.numbers, self.rates
+        side = math.ceil(min(max(numbers.width_p95, 2.0), 1 / (2 * SAMPLE_ERROR)))
+        side = samples_worth(side, numbers.width_map * math.sqrt(MAP_TEXELS / numbers.faces))
         return {
-            "settings": {"samples": side},
+            "settings": {"samples": side, "width_map": numbers.width_map},
             "samples": side * side,
             "sample_error": 1 / (2 * side),
-            "rays": rays,
-            "seconds": rays * self.rates.ray,
+            "rays": MAP_TEXELS,
+            "seconds": MAP_TEXELS * rates.texel + side * side * numbers.pixels * rates.tap,
         }
 
     def _one_map(self) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from asmjax.effects.decide import FILTERED, FLAT
+from asmjax.effects.decide import FILTERED, FLAT, samples_worth
 from asmjax.effects.records import Decision
 from asmjax.shadow import (
     AccumulatedShadowMap,
@@ -45,7 +45,8 @@ def _moment(decision: Decision, resolution: int) -> MomentShadowMap:
 
 
 def _accumulated(decision: Decision, resolution: int) -> AccumulatedShadowMap:
-    samples = int(decision.settings["samples"])
+    texels = decision.settings["width_map"] * resolution
+    samples = samples_worth(int(decision.settings["samples"]), texels)
     return AccumulatedShadowMap(max(resolution, samples), samples)
 
 

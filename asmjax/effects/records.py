@@ -91,7 +91,8 @@ class Decision:
         methods: families of the registry: the map, and what filters it.
         settings: of the methods: widths in parts of the map's side, numbers of samples and taps.
         samples: of the light, K; 1 is its centre.
-        sample_error: largest error of visibility that so many leave; 0 for other methods.
+        sample_error: largest error of visibility that so many leave, of sampling alone: texels come
+            on top; 0 for other methods.
         quantity, number, threshold: what decided, in words, its value, and where the decision
             would become another.
         reason: in words.

@@ -26,7 +26,7 @@ _DECISION = {
         "any object", "of the methods: widths in parts of the map's side, numbers of samples"
     ),
     "samples": Key("count", "of the light; 1 is its centre"),
-    "sample_error": Key("amount", "largest error of visibility that so many leave"),
+    "sample_error": Key("amount", "largest error of visibility of sampling alone"),
     "quantity": Key("text", "what decided, in words"),
     "number": Key("amount", "its value"),
     "threshold": Key("amount", "where the decision would become another"),
