@@ -18,6 +18,7 @@ from asmjax.experiment.light_angles import (
     view_range,
 )
 from asmjax.experiment.settings_range import ADAPTIVE, families_of
+from asmjax.experiment.soft_rays import answers_softly, calls_for_soft_truth
 from asmjax.job_memory import Sight, analyze_stages
 from asmjax.memory import Stage
 from asmjax.options import AnalyzeOptions
@@ -94,11 +95,18 @@ def analyse_scene(options: AnalyzeOptions, progress: Progress = lambda _: None) 
     def stages(sight: Sight, faces: int) -> list[Stage]:
         if ADAPTIVE in families:
             chosen.check(faces)
-        return analyze_stages(sight, [*algorithms_of(families, chosen, faces).values()], faces)
+        maps = [*algorithms_of(families, chosen, faces).values()]
+        # Of a light whose size is not known yet soft methods are taken to need it.
+        return analyze_stages(sight, maps, faces, any(map(answers_softly, maps)))
 
     subject = subject_of(options, stages, progress)
     progress("truth")
-    truth = subject.truth(options.repeats)
+    truth, standard_error = subject.truth(options.repeats), None
+    traced = [truth]
+    maps = algorithms_of(families, chosen, subject.frame.faces).values()
+    if calls_for_soft_truth(subject.frame.area, maps):
+        truth, standard_error = subject.soft_truth(options.seed)
+        traced.append(truth)
     progress("cost model")
     if ADAPTIVE in families:
         model = calibrated(subject.scene, subject.light, subject.rays, subject.frame, options)
@@ -123,6 +131,8 @@ def analyse_scene(options: AnalyzeOptions, progress: Progress = lambda _: None) 
         eyes=subject.eyes,
         frame=subject.frame,
         truth=truth,
+        traced=traced,
+        standard_error=standard_error,
         adaptive=chosen.adaptive,
         cost_model=chosen.adaptive.cost_model,
         analysed=analysed,

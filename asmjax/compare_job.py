@@ -21,9 +21,10 @@ from asmjax.experiment.settings_range import (
     candidates,
     families_of,
 )
+from asmjax.experiment.soft_rays import SOFT_REPEATS, SOFT_STRATA, calls_for_soft_truth
 from asmjax.experiment.trial import Trial
-from asmjax.job_memory import Sight, trial_stages
-from asmjax.memory import Stage, check, limit_of
+from asmjax.job_memory import Sight, held_besides, trial_stages
+from asmjax.memory import Forecast, Stage, check, limit_of
 from asmjax.options import CompareOptions
 from asmjax.preparation import (
     ChosenMaps,
@@ -50,6 +51,13 @@ _log = logging.getLogger("asmjax")
 
 YARDSTICKS = (1, 16)
 """Shadow rays per pixel that every chart shows, whatever number of samples was asked for."""
+
+_SOFT = (
+    "the light has a size and soft methods are measured, so that all are judged by soft truth, "
+    f"{SOFT_STRATA**2 * SOFT_REPEATS} rays from each sample; the yardsticks are hard shadow rays "
+    "to the light's centre"
+)
+"""A notice."""
 
 BATCH = 3
 """Settings that are measured in turns: an interruption loses no more than these."""
@@ -180,18 +188,26 @@ class Comparing:
         limit = limit_of(options.max_memory_mb)
         # Of the yardsticks' benches, which are not kept, one at a time.
         counts = [*self._samples, *sorted({*YARDSTICKS} - {*self._samples})[-1:]]
+        light = self.scene.light(options.light)
+        tried = [item.algorithm for item in _possible(families, chosen, 1)[0]]
+        self._soft = calls_for_soft_truth(light.area, [item for item in tried if item is not None])
+        lamp = self.scene.light_rays_memory(options.light)
+
+        def checked(faces: int) -> Forecast:
+            stages = _stages(sights, families, chosen, faces, self._soft)
+            return check(held_besides(lamp, stages), limit)
+
         sights = [sight_of(self.scene, view, count) for view in self.views for count in counts]
-        check(_stages(sights, families, chosen, 1), limit)
+        checked(1)
         self._kept: dict[int, list[Bench]] = {}
         self._extents: dict[int, _Extents] = {}
         first, *_ = benches = self._benches(self._samples[0])
         for bench in benches:
             check_edges(bench, self.scene)
         faces = max(bench.frame.faces for bench in benches)
-        self._forecast = check(_stages(sights, families, chosen, faces), limit)
+        self._forecast = checked(faces)
         self._model: CostModel | None = None
         if ADAPTIVE in families:
-            light = self.scene.light(options.light)
             self._model = calibrated(self.scene, light, first.rays, first.frame, options)
             chosen = replace(chosen, adaptive=replace(chosen.adaptive, cost_model=self._model))
         self._memory = chosen.adaptive.memory_bytes
@@ -202,7 +218,9 @@ class Comparing:
         16 samples a pixel are 16 eye buffers a view."""
         if samples in self._kept:
             return self._kept[samples]
-        found = [bench_of(self.scene, view, self._options, samples) for view in self.views]
+        found = [
+            bench_of(self.scene, view, self._options, samples, self._soft) for view in self.views
+        ]
         edges = [bench.edge_length for bench in found]
         self._extents[samples] = _Extents(edges, [int(b.eyes[0].valid.sum()) for b in found])
         if samples in self._samples:
@@ -259,12 +277,13 @@ class Comparing:
                 f"{ended}: {missing} of {asked} trials are missing; the same command goes on there"
             )
         light = self.scene.light(self._options.light)
+        judged = [_SOFT] if self._soft else []
         return ComparisonResult(
             scene=self.scene.name,
             variant=self.scene.variant,
             light=light_text(light, self._benches(self._samples[0])[0].frame),
             lit_by=f"light {light.name} ({light.kind})",
-            notices=[*self.scene.notices, *dict.fromkeys(left_out)],
+            notices=[*self.scene.notices, *judged, *dict.fromkeys(left_out)],
             views=[self._seen(i) for i in range(len(self.views))],
             samples=self._samples,
             trials=self._compared(trials, [*trials, *yardsticks]),
@@ -369,13 +388,13 @@ def _possible(
 
 
 def _stages(
-    sights: Sequence[Sight], families: Sequence[str], chosen: ChosenMaps, faces: int
+    sights: Sequence[Sight], families: Sequence[str], chosen: ChosenMaps, faces: int, soft: bool
 ) -> list[Stage]:
     """Of a comparison of all that can be tried."""
     if ADAPTIVE in families:
         chosen.check(faces)
     found = [item.algorithm for item in _possible(families, chosen, faces)[0]]
-    return trial_stages(sights, [item for item in found if item is not None], faces)
+    return trial_stages(sights, [item for item in found if item is not None], faces, soft=soft)
 
 
 def _batches(found: Sequence[Candidate], samples: Sequence[int]) -> Iterator[_Batch]:

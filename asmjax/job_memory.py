@@ -5,7 +5,7 @@ what was measured, and tests/test_memory_peak.py holds them to a quarter.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from asmjax.memory import MEGABYTE, Memory, Stage
 from asmjax.shadow import ShadowAlgorithm
@@ -37,6 +37,17 @@ ALIASING = Memory(host=24, device=16)
 
 FIGURES = Memory(host=260)
 """Of a pixel: the images that are drawn, and drawing them."""
+
+SOFT_AIMING = Memory(host=330, renderer=60)
+"""Of a pixel while the soft truth of a sample is cast: points, normals and origins, a place on the
+light and the way to it in float64, sums of two kinds, a ray."""
+
+SOFT = Memory(host=17)
+"""Of a sample: its visibility in soft truth, the standard error, and both on their way to the
+pixel's."""
+
+PROBING = 60 * MEGABYTE * Memory(host=1)
+"""Of the plan of one light: pairs of receivers and blockers of a small image."""
 
 PLANNING = 150 * MEGABYTE * Memory(host=1)
 """Of a plan: pairs of receivers and blockers, what six faces of a light meet, a figure."""
@@ -91,24 +102,32 @@ class Sight:
         return f"{self.width:,} x {self.height:,} pixels{each}"
 
 
-def run_stages(sight: Sight, maps: Sequence[ShadowAlgorithm], faces: int) -> list[Stage]:
-    """Of `asmjax run`: all maps are kept for the figures."""
+def run_stages(
+    sight: Sight, maps: Sequence[ShadowAlgorithm], faces: int, soft: bool = False
+) -> list[Stage]:
+    """Of `asmjax run`: all maps are kept for the figures, and truth may be `soft`."""
     held = BEGUN + sight.held
     kept = sum((item.memory(faces).state for item in maps), Memory())
     return [
         *_seen(sight, held),
+        Stage("the plan", held + PROBING, sight.options),
+        *(soft_stages(sight, held) if soft else []),
         *_built(sight, maps, faces, held, keeps=True),
         Stage("maps of the pixels", held + sight.of(MAPS), sight.options),
         Stage("figures", held + kept + sight.of(FIGURES), sight.options),
     ]
 
 
-def analyze_stages(sight: Sight, maps: Sequence[ShadowAlgorithm], faces: int) -> list[Stage]:
-    """Of `asmjax analyze`: all maps are kept, and what is known of each one's texels."""
+def analyze_stages(
+    sight: Sight, maps: Sequence[ShadowAlgorithm], faces: int, soft: bool = False
+) -> list[Stage]:
+    """Of `asmjax analyze`: all maps are kept, and what is known of each one's texels; truth may be
+    `soft`."""
     held = BEGUN + sight.held + sight.of(len(maps) * ALIASING)
     kept = sum((item.memory(faces).state for item in maps), Memory())
     return [
         *_seen(sight, BEGUN + sight.held),
+        *(soft_stages(sight, BEGUN + sight.held) if soft else []),
         *_built(sight, maps, faces, held, keeps=True),
         Stage("texels beside pixels", held + kept + sight.of(MAPS), sight.options),
         Stage("figures", held + kept + sight.of(FIGURES), sight.options),
@@ -129,10 +148,15 @@ def walk_stages(sight: Sight, maps: Sequence[ShadowAlgorithm], faces: int) -> li
 
 
 def trial_stages(
-    sights: Sequence[Sight], maps: Sequence[ShadowAlgorithm], faces: int, evidence: bool = False
+    sights: Sequence[Sight],
+    maps: Sequence[ShadowAlgorithm],
+    faces: int,
+    evidence: bool = False,
+    soft: bool = False,
 ) -> list[Stage]:
     """Of `asmjax compare` and `asmjax tune`: all views with their shadow rays are there throughout,
-    of all maps one at a time; with `evidence`, what a view tells of its nodes."""
+    of all maps one at a time; with `evidence`, what a view tells of its nodes. Truth may be
+    `soft`."""
     held = sum((sight.held + sight.of(Memory(), RAY) for sight in sights), BEGUN)
     largest = max(sights, key=lambda sight: sight.held.bytes)
     stages = [
@@ -140,9 +164,27 @@ def trial_stages(
         *_built(largest, maps, faces, held, keeps=False),
         Stage("texels beside pixels", held + largest.of(MAPS), largest.options),
     ]
+    if soft:
+        stages += soft_stages(largest, held)
     if evidence:
         stages.append(Stage("evidence", held + largest.of(EVIDENCE), largest.options))
     return stages
+
+
+def soft_stages(sight: Sight, held: Memory) -> list[Stage]:
+    """Of soft truth, one sample of the pixels after the other."""
+    return [
+        Stage(
+            f"soft truth for {sight}",
+            held + sight.of(SOFT_AIMING + sight.ray, SOFT + ANSWER),
+            sight.options,
+        )
+    ]
+
+
+def held_besides(memory: Memory, stages: Sequence[Stage]) -> list[Stage]:
+    """The stages of a job that holds `memory` throughout."""
+    return [replace(stage, memory=stage.memory + memory) for stage in stages]
 
 
 def plan_stages(sight: Sight) -> list[Stage]:

@@ -6,11 +6,12 @@ from dataclasses import replace
 from tqdm import tqdm
 
 from asmjax.effects.methods import soft_methods, wants_softness
-from asmjax.experiment import RunResult, analysis_maps, measure
+from asmjax.experiment import Measured, RunResult, analysis_maps, measure
+from asmjax.experiment.soft_rays import calls_for_soft_truth
 from asmjax.job_memory import Sight, run_stages
-from asmjax.memory import Stage, check, limit_of
-from asmjax.options import RunOptions
-from asmjax.planning import force_of, plan_effects
+from asmjax.memory import Stage
+from asmjax.options import RunOptions, force_of
+from asmjax.planning import plan_effects
 from asmjax.preparation import (
     ChosenMaps,
     Progress,
@@ -53,6 +54,8 @@ def run_main_job(options: RunOptions) -> RunResult:
     if not options.quiet:
         print(comparison_table(report["methods"]))
         print(plan_summary(report["plan"]))
+        if not any(row["faces"] for row in report["plan"]["decisions"]):
+            print("hard maps and truth are measured all the same, to compare")
         print(f"report and figures: {folder}/")
     return result
 
@@ -78,12 +81,23 @@ def measure_scene(options: RunOptions, progress: Progress = lambda _: None) -> R
         subject.scene, subject.view, options.tolerance,
         force=force_of(options.force), lights=[subject.light.name], seed=options.seed,
     )  # fmt: skip
-    decision, standard_error = plan.decision(subject.light.name), None
+    decision = plan.decision(subject.light.name)
+    others = [] if chosen.other is None else [chosen.other]
+    soft = wants_softness(decision) or calls_for_soft_truth(frame.area, others)
+    memory = subject.checked(
+        run_stages(
+            sight_of(subject.scene, subject.view, options.samples),
+            [uniform, adaptive, *soft_methods(decision, uniform.resolution), *others],
+            frame.faces,
+            soft,
+        )
+    )
     progress("truth")
-    if wants_softness(decision):
+    truth, standard_error = subject.truth(options.repeats), None
+    traced = [truth]
+    if soft:
         truth, standard_error = subject.soft_truth(options.seed)
-    else:
-        truth = subject.truth(options.repeats)
+        traced.append(truth)
     progress("cost model")
     cost_model = calibrated(subject.scene, subject.light, rays, frame, options)
     adaptive = replace(adaptive, cost_model=cost_model)
@@ -93,18 +107,13 @@ def measure_scene(options: RunOptions, progress: Progress = lambda _: None) -> R
     maps = analysis_maps(eyes[0], frame, uniform, flat.state)
     progress(adaptive.name)
     methods = [flat, measure(adaptive, eyes, frame, rays, options.repeats)]
-    for soft in soft_methods(decision, uniform.resolution):
-        maps_in_all = [uniform, adaptive, soft]
-        sight = sight_of(subject.scene, subject.view, options.samples)
-        check(run_stages(sight, maps_in_all, frame.faces), limit_of(options.max_memory_mb))
-        progress(soft.name)
-        methods.append(measure(soft, eyes, frame, rays, options.repeats))
-    if chosen.other is not None:
-        progress(chosen.other.name)
-        other = measure(chosen.other, eyes, frame, rays, options.repeats)
-        # A flat map may have the name of the one that all are compared with.
-        taken = other.name == flat.name
-        methods.append(replace(other, name=f"{other.name}-settings") if taken else other)
+    for planned in soft_methods(decision, uniform.resolution):
+        progress(planned.name)
+        methods.append(measure(planned, eyes, frame, rays, options.repeats))
+    for other in others:
+        progress(other.name)
+        found = measure(other, eyes, frame, rays, options.repeats)
+        methods.append(_of_its_own_name(found, methods))
     return RunResult(
         scene=subject.scene.name,
         variant=subject.scene.variant,
@@ -116,13 +125,19 @@ def measure_scene(options: RunOptions, progress: Progress = lambda _: None) -> R
         rays=rays,
         truth=truth,
         cost_model=cost_model,
-        methods=[*methods, truth],
+        methods=[*methods, *traced],
         maps=maps,
         adaptive=adaptive,
-        memory=subject.memory,
+        memory=memory,
         plan=plan.record(),
         standard_error=standard_error,
     )
+
+
+def _of_its_own_name(found: Measured, methods: list[Measured]) -> Measured:
+    """The map of the settings file may have the name of one that is measured anyway."""
+    taken = any(found.name == other.name for other in methods)
+    return replace(found, name=f"{found.name}-settings") if taken else found
 
 
 def _uniform(chosen: ChosenMaps, faces: int) -> UniformShadowMap:

@@ -7,6 +7,7 @@ class that inherits the groups it needs, so notebooks and the command line use o
 
 import dataclasses
 import math
+from collections.abc import Sequence
 from typing import Annotated, ClassVar, Literal, get_args
 
 from tyro.conf import Positional, arg
@@ -25,6 +26,9 @@ PRICE = 0.1
 TOLERANCE = 5e-4
 """Part of the picture's light whose change nobody minds. Edges are a small part of a picture: a
 penumbra 10 pixels wide along 52 pixels of edge reaches it at 512 x 512."""
+
+Force = Literal["none", "hard", "soft"]
+"""What may be asked for, whatever the numbers say."""
 
 LARGEST = 2**53
 """Of numbers that are counts or amounts: up to here a float holds every whole one."""
@@ -225,7 +229,7 @@ class SearchOptions:
     """Settings that the search may try on the real map, 50 or more; the default, a grid of 32, the
     rest of a random search and what is measured on the held-out views come on top."""
 
-    repeats: Annotated[int, arg(metavar="COUNT")] = 4
+    repeats: Annotated[int, arg(metavar="COUNT")] = 3
     """Timed runs on the held-out views, all settings in turns."""
 
     seed: Annotated[int, arg(metavar="INT")] = 0
@@ -258,8 +262,9 @@ class EffectOptions:
     change less are skipped. 0.0005 is 0.05 %."""
 
     force: Annotated[tuple[str, ...], _named("KIND KIND ...", "none")] = ()
-    """What is simulated whatever the numbers say: hard, soft, all (soft for lights of any share) or
-    none, for all lights; NAME=KIND for one of them."""
+    """What is simulated whatever the numbers say: hard, soft (of lights with a size) or none, for all
+    lights; NAME=KIND for one of them. `asmjax run` measures its two hard maps, to
+    compare, even of a light without a shadow."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -339,7 +344,7 @@ class RunOptions(
     """The command's name, with which the default folder of its results begins."""
 
     def __post_init__(self):
-        _at_least(0, "--tolerance", self.tolerance, "")
+        _check_effects(self)
         _check_measured(self)
         _check_walk(self)
 
@@ -460,7 +465,7 @@ class PlanOptions(ViewOptions, PlanningOptions, EffectOptions, MachineOptions, F
     command: ClassVar[str] = "plan"
 
     def __post_init__(self):
-        _at_least(0, "--tolerance", self.tolerance, "")
+        _check_effects(self)
         _at_least(0, "--seed", self.seed, "")
         _check_machine(self)
 
@@ -489,6 +494,31 @@ class InfoOptions:
 
     json: bool = False
     """Print JSON instead of text."""
+
+
+def force_of(words: Sequence[str]) -> dict[str, str]:
+    """The words of --force by light: "soft" is of all ("*"), "lamp=soft" of one.
+
+    Raises:
+        UseError: a word that is none of `Force`, or two for the same.
+    """
+    force: dict[str, str] = {}
+    for word in words:
+        light, _, kind = word.rpartition("=")
+        if kind not in get_args(Force):
+            raise unknown_name("effect to force", kind, get_args(Force))
+        require(
+            (light or "*") not in force,
+            f"--force says two things of {f'light {light!r}' if light else 'all lights'}: "
+            f"{force.get(light or '*')} and {kind}; leave one of them out.",
+        )
+        force[light or "*"] = kind
+    return force
+
+
+def _check_effects(options: EffectOptions) -> None:
+    _at_least(0, "--tolerance", options.tolerance, "")
+    force_of(options.force)
 
 
 def _check_measured(options: RunOptions | AnalyzeOptions) -> None:
@@ -529,6 +559,11 @@ def _check_walk(options: RunOptions) -> None:
             require(not given, f"{option} is for walkthroughs; say how many --frames to walk.")
         return
     _at_least(1, "--frames", options.frames, "frame")
+    require(
+        not options.force,
+        "--force chooses what is simulated, but walkthroughs have hard shadows only; leave out "
+        "--force, or --frames.",
+    )
     require(
         options.object is None or options.motion == "object",
         f"--object names what moves, but --motion is {options.motion}; add --motion object.",

@@ -5,7 +5,6 @@ import os
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,14 +13,15 @@ from tqdm import tqdm
 
 from asmjax.buffers import EyeBuffer, LightRays
 from asmjax.errors import UseError, require
-from asmjax.experiment import KnownShadows, Measured, measure_rays
+from asmjax.experiment import Measured, measure_rays
 from asmjax.experiment.bench import Bench
 from asmjax.experiment.code import code_facts
 from asmjax.experiment.ledger import Ledger
+from asmjax.experiment.soft_rays import SOFT_REPEATS, SOFT_STRATA, soft_truth
 from asmjax.geometry import LightFrame
-from asmjax.job_memory import Sight
+from asmjax.job_memory import Sight, held_besides
 from asmjax.machine import keeps_freed_memory
-from asmjax.memory import Forecast, Stage, check, limit_of
+from asmjax.memory import Forecast, Memory, Stage, check, limit_of
 from asmjax.options import AnalyzeOptions, JobOptions, MapJobOptions, RunOptions, ViewJobOptions
 from asmjax.render.caster import MitsubaRays
 from asmjax.render.load import Scene, load_scene
@@ -33,10 +33,6 @@ from asmjax.shadow.adaptive import kept_or_measured, on_this_machine
 
 MEASUREMENTS = "measurements.jsonl"
 """File of finished measurements in the folder of the results."""
-
-SOFT_STRATA, SOFT_REPEATS = 4, 4
-"""Cells a side of a light and rays to each of them from every sample, where truth is soft: 64 rays,
-with which a pixel's visibility is off by 1/50 or less, and by 1/200 in the mean."""
 
 AIM_SIDE = 32
 """Side in pixels of the image from which the distance of what a view sees is taken."""
@@ -71,6 +67,7 @@ class Subject:
         frame: of the light, for the receivers that the pixel centres see.
         rays: of the light.
         memory: what all of the job will take.
+        lamp: what the rays of a lamp's light took of it.
     """
 
     scene: Scene
@@ -80,32 +77,22 @@ class Subject:
     frame: LightFrame
     rays: MitsubaRays
     memory: Forecast
+    lamp: Memory
 
     def truth(self, repeats: int) -> Measured:
         """The traced shadow rays of every sample."""
         traced = [self.scene.shadow_rays(eye, self.frame, self.rays) for eye in self.eyes]
         return measure_rays(traced, self.eyes, repeats)
 
+    def checked(self, stages: Sequence[Stage]) -> Forecast:
+        """What a job of these stages will take, where more is known of it than at first. Raises
+        `UseError` as `asmjax.memory.check`."""
+        return check(held_besides(self.lamp, stages), self.memory.limit)
+
     def soft_truth(self, seed: int) -> tuple[Measured, np.ndarray]:
-        """Shadow rays of every sample to points all over a light with a size, timed once; and the
-        standard error (n,) of the pixels' visibility."""
-        rays = [
-            self.scene.soft_rays(eye, self.frame, self.rays, SOFT_STRATA, SOFT_REPEATS, seed + k)
-            for k, eye in enumerate(self.eyes)
-        ]
-        valid = np.stack([eye.valid for eye in self.eyes])
-        errors: list[np.ndarray] = []
-
-        def traced(soft: SoftShadowRays) -> np.ndarray:
-            found = soft.estimate()
-            errors.append(found.error)
-            return found.visibility
-
-        shadows = [KnownShadows(soft.count, partial(traced, soft)) for soft in rays]
-        each = SOFT_STRATA**2 * SOFT_REPEATS
-        truth = measure_rays(shadows, self.eyes, 1, each, warm_up=False)
-        variance = (np.stack(errors) ** 2 * valid).sum(axis=0)
-        return truth, np.sqrt(variance) / np.maximum(valid.sum(axis=0), 1)
+        """Shadow rays of every sample to points all over a light with a size, as
+        `asmjax.experiment.soft_rays.soft_truth`."""
+        return soft_truth(_soft_rays(self.scene, self.frame, self.rays, seed), self.eyes)
 
 
 def subject_of(
@@ -132,13 +119,21 @@ def subject_of(
     view = chosen_view(scene, options)
     light = scene.light(options.light)
     sight, limit = sight_of(scene, view, options.samples), limit_of(options.max_memory_mb)
-    check(stages(sight, 1), limit)
+    lamp = scene.light_rays_memory(options.light)
+    check(held_besides(lamp, stages(sight, 1)), limit)
     progress("eye buffer")
     eyes = [scene.eye(view, offset) for offset in sample_offsets(options.samples, options.seed)]
     frame = scene.light_frame(eyes, options.light)
     # Only now it is known how many faces of the light see what the eye sees.
-    memory = check(stages(sight, frame.faces), limit)
-    return Subject(scene, view, light, eyes, frame, scene.light_rays(options.light), memory)
+    memory = check(held_besides(lamp, stages(sight, frame.faces)), limit)
+    return Subject(scene, view, light, eyes, frame, scene.light_rays(options.light), memory, lamp)
+
+
+def _soft_rays(
+    scene: Scene, frame: LightFrame, rays: MitsubaRays, seed: int
+) -> Callable[[int, EyeBuffer], SoftShadowRays]:
+    """What makes the soft truth of the k-th sample of the pixels, each with places of its own."""
+    return lambda k, eye: scene.soft_rays(eye, frame, rays, SOFT_STRATA, SOFT_REPEATS, (seed, k))
 
 
 def sight_of(scene: Scene, view: ViewSpec, samples: int) -> Sight:
@@ -146,8 +141,13 @@ def sight_of(scene: Scene, view: ViewSpec, samples: int) -> Sight:
     return Sight(view.width, view.height, samples, scene.variant.startswith("scalar"))
 
 
-def bench_of(scene: Scene, view: ViewSpec, options: JobOptions, samples: int) -> Bench:
+def bench_of(
+    scene: Scene, view: ViewSpec, options: JobOptions, samples: int, soft: bool = False
+) -> Bench:
     """A view of a scene under the light of the options, with the shadow rays of all samples.
+
+    Args:
+        soft: whether truth is, of a light with a size; the yardstick is hard all the same.
 
     Raises:
         UseError: no such light, or nothing is seen or lit.
@@ -158,16 +158,17 @@ def bench_of(scene: Scene, view: ViewSpec, options: JobOptions, samples: int) ->
     rays = scene.light_rays(options.light)
     return Bench(
         view=view.name,
-        facts=_facts(scene, view, light, samples, options.seed),
+        facts=_facts(scene, view, light, samples, options.seed, soft),
         eyes=eyes,
         frame=frame,
         rays=rays,
         traced=[scene.shadow_rays(eye, frame, rays) for eye in eyes],
+        soft_rays=_soft_rays(scene, frame, rays, options.seed) if soft else None,
     )
 
 
 def _facts(
-    scene: Scene, view: ViewSpec, light: LightSpec, samples: int, seed: int
+    scene: Scene, view: ViewSpec, light: LightSpec, samples: int, seed: int, soft: bool
 ) -> dict[str, Any]:
     """What a measurement depends on besides the algorithm, as plain values."""
     geometry = scene.geometry
@@ -179,7 +180,9 @@ def _facts(
         "view": asdict(view),
         "light": asdict(light),
         "samples": samples,
-        "seed": seed if samples > 1 else 0,
+        "seed": seed if samples > 1 or soft else 0,
+        # Where truth is hard measurements keep the keys that they always had.
+        **({"soft_truth": [SOFT_STRATA, SOFT_REPEATS]} if soft else {}),
         "keeps_freed_memory": keeps_freed_memory(),
         **code_facts(),
     }

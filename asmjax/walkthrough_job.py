@@ -8,12 +8,14 @@ from dataclasses import replace
 import numpy as np
 from tqdm import tqdm
 
+from asmjax.effects.plan import with_error
 from asmjax.errors import UseError, require
 from asmjax.experiment import timed
 from asmjax.experiment.walkthrough import FrameInput, FrameResult, Walkthrough
-from asmjax.job_memory import Sight, walk_stages
-from asmjax.memory import Stage, check, limit_of
+from asmjax.job_memory import Sight, held_besides, walk_stages
+from asmjax.memory import Forecast, Stage, check, limit_of
 from asmjax.options import RunOptions
+from asmjax.planning import plan_effects
 from asmjax.preparation import (
     aimed,
     calibrated,
@@ -135,11 +137,17 @@ class Walk:
         self._offsets = sample_offsets(options.samples, options.seed)
         sight = sight_of(scene, self._path.view(0), options.samples)
         limit = limit_of(options.max_memory_mb)
-        check(_stages(sight, chosen.adaptive, 1), limit)
+        lamp = scene.light_rays_memory(options.light)
+
+        def checked(faces: int) -> Forecast:
+            return check(held_besides(lamp, _stages(sight, chosen.adaptive, faces)), limit)
+
+        checked(1)
         progress("cost model")
         first = next(self._inputs(1))
         chosen.check(first.kept.faces)
-        memory = check(_stages(sight, chosen.adaptive, first.kept.faces), limit)
+        memory = checked(first.kept.faces)
+        missing = _not_simulated(scene, self._path.view(0), self._light.name, options)
         cost_model = calibrated(scene, self._light, first.rays, first.kept, options)
         adaptive = replace(chosen.adaptive, cost_model=cost_model)
         long = options.frames >= LONG_WALK
@@ -155,6 +163,7 @@ class Walk:
             cost_model=cost_model,
             seed=options.seed,
             memory=memory,
+            not_simulated=missing,
         )
 
     def frames(self) -> Iterator[FrameResult]:
@@ -201,6 +210,20 @@ class Walk:
 
     def _eyes(self, scene: Scene, view: ViewSpec) -> list:
         return [scene.eye(view, offset) for offset in self._offsets]
+
+
+def _not_simulated(scene: Scene, view: ViewSpec, light: str, options: RunOptions) -> dict[str, str]:
+    """What the maps of a walkthrough, which are hard, leave out of the light's shadow, and why, by
+    its effect: planned once, for the first view."""
+    plan = plan_effects(
+        scene, view, options.tolerance, lights=[light],
+        moving=options.motion != "still", seed=options.seed,
+    )  # fmt: skip
+    missing = {item.effect: with_error(item) for item in plan.not_simulated}
+    decision = plan.decision(light)
+    if decision.kind == "soft" and decision.simulated:
+        missing["penumbra"] = f"walkthroughs have hard shadows only; {decision.reason}"
+    return missing
 
 
 def _stages(sight: Sight, adaptive: AdaptiveShadowMap, faces: int) -> list[Stage]:

@@ -15,6 +15,7 @@ from asmjax.experiment.clock import in_turns
 from asmjax.experiment.displacement import displacement
 from asmjax.experiment.ledger import Ledger, digest
 from asmjax.experiment.methods import TracedShadows, pixel_mean, settings_of
+from asmjax.experiment.soft_rays import SoftRays, soft_truth
 from asmjax.experiment.timing import timed
 from asmjax.experiment.trial import STAGES, Trial, trial_of
 from asmjax.geometry import LightFrame
@@ -43,6 +44,7 @@ class Bench:
         eyes: the samples of each pixel, pixel centres first.
         frame, rays: of the light.
         traced: the shadow rays of each of `eyes`.
+        soft_rays: of the k-th of `eyes`, where truth is soft; None where it is `traced`.
     """
 
     view: str
@@ -51,6 +53,7 @@ class Bench:
     frame: LightFrame
     rays: LightRays
     traced: Sequence[TracedShadows]
+    soft_rays: Callable[[int, EyeBuffer], SoftRays] | None = None
 
     @property
     def samples(self) -> int:
@@ -60,6 +63,13 @@ class Bench:
     @cached_property
     def truth(self) -> np.ndarray:
         """(n,) visibility of each pixel by shadow rays, the mean over its samples."""
+        if self.soft_rays is not None:
+            return soft_truth(self.soft_rays, self.eyes)[0].visibility
+        return self._hard
+
+    @cached_property
+    def _hard(self) -> np.ndarray:
+        """(n,) of the yardstick, one ray a sample: truth of hard shadows."""
         return pixel_mean([rays.trace() for rays in self.traced], self.eyes)
 
     @cached_property
@@ -189,7 +199,7 @@ class Bench:
             settings={"rays_per_pixel": self.samples},
             view=self.view,
             samples=self.samples,
-            error=self.error(self.truth),
+            error=self.error(self._hard),
             predicted_px=None,
             seconds={stage: runs if stage == "query" else [0.0] * rounds for stage in STAGES},
             yardstick=runs,

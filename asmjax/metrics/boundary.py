@@ -160,7 +160,7 @@ def boundary_length(edges: SurfacePairs) -> float:
     return total
 
 
-def _distances(points: np.ndarray, targets: np.ndarray) -> np.ndarray:
+def distances(points: np.ndarray, targets: np.ndarray) -> np.ndarray:
     """Distance in pixels from each point to the nearest target; inf beyond `CAP_PX`.
 
     A k-d tree and not a distance transform: boundaries are sparse, and it is some ten times
@@ -198,7 +198,7 @@ def boundary_displacement(truth, visibility, valid, pairs: SurfacePairs) -> Boun
     truth_edges = boundary_edges(truth, pairs)
     length = boundary_length(truth_edges)
     ours, theirs = (edge_midpoints(e) for e in (boundary_edges(visibility, pairs), truth_edges))
-    raw = np.concatenate([_distances(ours, theirs), _distances(theirs, ours)])
+    raw = np.concatenate([distances(ours, theirs), distances(theirs, ours)])
     capped = np.minimum(raw, CAP_PX)
     some = raw.size > 0
     return BoundaryDisplacement(

@@ -4,12 +4,27 @@ from typing import NamedTuple
 
 import numpy as np
 
-from asmjax.metrics.boundary import SurfacePairs, boundary_edges, boundary_length
+from asmjax.metrics.boundary import (
+    CAP_PX,
+    SurfacePairs,
+    boundary_edges,
+    boundary_length,
+    distances,
+    edge_midpoints,
+)
 from asmjax.metrics.visibility_error import signed_error
 
 NOTICED = 1 / 16
 """Shares of light by which a pixel may be off before it counts as a leak or as acne, and within
-which of 0 or 1 it counts as dark or lit: four standard errors of a truth of 64 rays."""
+which of 0 or 1 it counts as dark or lit: two standard errors of a truth of 64 rays where a straight
+edge halves its cells."""
+
+SURE = 4.0
+"""Standard errors of truth by which a pixel may be off besides."""
+
+REACH_PX = CAP_PX
+"""Distance from truth's half-lit edges within which a pixel may be of a penumbra, pixels: farther
+away a share of light is that of a face, all of which is partly lit."""
 
 
 class SoftError(NamedTuple):
@@ -17,9 +32,11 @@ class SoftError(NamedTuple):
 
     Attributes:
         mae, rmse, max: of abs(visibility - truth).
-        penumbra_width_px: mean width of the method's penumbrae minus truth's, pixels: pixels that
-            are neither dark nor lit per pixel of truth's half-lit edge. 0 where truth has no edge.
-        leak_fraction: pixels that are lighter than truth by more than `NOTICED`.
+        penumbra_width_px: mean width of the method's penumbrae minus truth's, pixels, as of linear
+            ramps: pixels within `REACH_PX` that are neither dark nor lit, which 7/8 of a ramp is,
+            per pixel of truth's half-lit edge. 0 where truth has no edge.
+        leak_fraction: pixels that are lighter than truth by more than `NOTICED` and `SURE` of its
+            standard errors.
         acne_fraction: pixels that are lit in truth and darker by more than that.
     """
 
@@ -31,11 +48,12 @@ class SoftError(NamedTuple):
     acne_fraction: float
 
 
-def soft_error(truth, visibility, valid, pairs: SurfacePairs) -> SoftError:
+def soft_error(truth, visibility, valid, pairs: SurfacePairs, standard_error=0.0) -> SoftError:
     """Errors of images (height, width) of visibility from 0 to 1.
 
     Args:
         pairs: of the valid pixels, from `surface_pairs`.
+        standard_error: (height, width) of truth.
 
     Raises:
         UseError: as `signed_error`.
@@ -46,15 +64,21 @@ def soft_error(truth, visibility, valid, pairs: SurfacePairs) -> SoftError:
     truth, visibility = (np.where(mask, image, 0.0) for image in (truth, visibility))
     edges = boundary_edges(truth, pairs)
     length = boundary_length(edges)
-    between = [
-        np.count_nonzero((image > NOTICED) & (image < 1 - NOTICED)) for image in (truth, visibility)
-    ]
+    wider = _penumbra(visibility, edges) - _penumbra(truth, edges)
+    allowed = np.maximum(NOTICED, SURE * np.asarray(standard_error))
     lit = mask & (truth >= 1 - NOTICED)
     return SoftError(
         mae=float(np.abs(off).sum()) / count,
         rmse=float(np.sqrt((off**2).sum() / count)),
         max=float(np.abs(off).max(initial=0.0)),
-        penumbra_width_px=(between[1] - between[0]) / length if length > 0 else 0.0,
-        leak_fraction=np.count_nonzero(off > NOTICED) / count,
-        acne_fraction=np.count_nonzero(lit & (off < -NOTICED)) / count,
+        penumbra_width_px=wider / (length * (1 - 2 * NOTICED)) if length > 0 else 0.0,
+        leak_fraction=np.count_nonzero(off > allowed) / count,
+        acne_fraction=np.count_nonzero(lit & (off < -allowed)) / count,
     )
+
+
+def _penumbra(image: np.ndarray, edges: SurfacePairs) -> int:
+    """Pixels that are neither dark nor lit, near the edges."""
+    rows, columns = np.nonzero((image > NOTICED) & (image < 1 - NOTICED))
+    centres = np.stack([columns + 0.5, rows + 0.5], axis=1)
+    return int(np.count_nonzero(distances(centres, edge_midpoints(edges)) <= REACH_PX))

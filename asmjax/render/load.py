@@ -2,7 +2,7 @@
 
 import logging
 import os
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -69,6 +69,7 @@ class Scene:
     _scene: Any
     _rays: MitsubaRays
     _instancing: Instancing
+    _without: dict[int, MitsubaRays] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         return (
@@ -105,6 +106,19 @@ class Scene:
         lamp = self._light(light).shape
         if lamp is None:
             return self._rays
+        if lamp not in self._without:
+            self._without[lamp] = self._rays_without(lamp)
+        return self._without[lamp]
+
+    def light_rays_memory(self, light: str | int | None = None) -> Memory:
+        """What `light_rays` of a light will take: without its lamp the scene is another one, with
+        a tree of its own in which rays find triangles."""
+        lamp = self._light(light).shape
+        if lamp is None or lamp in self._without:
+            return Memory()
+        return self.geometry.faces.shape[1] * Memory(renderer=TRIANGLE.renderer)
+
+    def _rays_without(self, lamp: int) -> MitsubaRays:
         shapes = self._scene.shapes()
         casters = {f"shape{i}": s for i, s in enumerate(shapes) if i != lamp}
         groups = {f"group{k}": group for k, group in enumerate(self._instancing.groups)}
@@ -142,7 +156,7 @@ class Scene:
         rays: MitsubaRays,
         strata: int = STRATA,
         repeats: int = REPEATS,
-        seed: int = 0,
+        seed: int | tuple[int, ...] = 0,
     ) -> SoftShadowRays:
         """`repeats` shadow rays per eye pixel to each of `strata` x `strata` cells of the light:
         soft truth, with its own error. Raises `UseError` for a light without a size."""

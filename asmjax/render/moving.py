@@ -84,7 +84,7 @@ class MovingShapes:
         )
         instancing = self._scene._instancing
         rays = MitsubaRays(mi, renderer, list(range(len(shapes))), geometry, instancing, working)
-        self._scene = replace(self._scene, geometry=geometry, _rays=rays)
+        self._scene = replace(self._scene, geometry=geometry, _rays=rays, _without={})
         return self._scene, boxes
 
     def _boxes(self) -> np.ndarray:

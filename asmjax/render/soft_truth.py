@@ -37,7 +37,7 @@ class SoftShadowRays:
         rays: MitsubaRays,
         strata: int = STRATA,
         repeats: int = REPEATS,
-        seed: int = 0,
+        seed: int | tuple[int, ...] = 0,
     ):
         self._samples = LightSamples(eye, frame, strata, repeats, seed)
         self._rays, self._perspective = rays, frame.perspective

@@ -36,7 +36,7 @@ def write_analysis(
             for item in result.analysed
             for name in ("m", "perspective", "texels")
         }
-        methods = [*(item.measured for item in result.analysed), result.truth]
+        methods = [*(item.measured for item in result.analysed), *(result.traced or [result.truth])]
         write_arrays(folder / "arrays.npz", result.eyes[0], result.truth, methods, maps)
     save(draw_aliasing_maps(_panels(result), result.title), folder / "aliasing.png")
     save(draw_displacement(_points(result), result.title), folder / "displacement.png")

@@ -15,7 +15,13 @@ from asmjax.experiment.displacement import Displacement
 from asmjax.experiment.light_angles import AngleError, ViewRange
 from asmjax.geometry import LightFrame
 from asmjax.memory import Forecast
-from asmjax.report.measured import cost_model_record, light_text, method_records, truth_record
+from asmjax.report.measured import (
+    cost_model_record,
+    light_text,
+    method_records,
+    truth_notices,
+    truth_record,
+)
 from asmjax.report.provenance import provenance
 from asmjax.report.record import report_of_entries
 from asmjax.report.schema import ALIASING_SCHEMA
@@ -66,7 +72,9 @@ class AnalysisResult:
         notices: what of the scene is simulated differently from what it says.
         left_out: what could not be measured, and why, one line each.
         eyes: the samples of each pixel, pixel centres first.
-        truth: the traced rays.
+        truth: the traced rays by which all is judged.
+        traced: the rays of the table: one a sample, and where truth is soft, those besides.
+        standard_error: (n,) of truth's visibility; None of hard truth.
         adaptive: its settings, whether or not it is among `analysed`.
         cost_model: None where nothing needed one.
         sweep: None where no direction was asked for.
@@ -87,6 +95,8 @@ class AnalysisResult:
     analysed: list[Analysed]
     sweep: LightSweep | None
     memory: Forecast | None = None
+    traced: Sequence[Measured] = ()
+    standard_error: np.ndarray | None = None
 
     @property
     def title(self) -> str:
@@ -118,17 +128,25 @@ def report_of_analysis(result: AnalysisResult, seed: int) -> dict:
         light=light_text(result.light, result.frame),
         size=(camera.width, camera.height),
         memory_limit_bytes=result.adaptive.memory_bytes,
-        truth=truth_record(result.eyes, result.truth),
+        truth=truth_record(result.eyes, result.truth, result.standard_error),
         cost_model=None if model is None else cost_model_record(model),
         methods=_methods(result),
         light_angles=None if result.sweep is None else _sweep_record(result.sweep),
-        notices=[*result.notices, *result.left_out, *limits],
+        notices=[
+            *result.notices,
+            *result.left_out,
+            *limits,
+            *truth_notices(result.truth, result.standard_error),
+        ],
     )
 
 
 def _methods(result: AnalysisResult) -> list[dict]:
-    measured = [*(item.measured for item in result.analysed), result.truth]
-    records = method_records(result.eyes[0], result.truth, measured, result.adaptive)
+    traced = result.traced or [result.truth]
+    measured = [*(item.measured for item in result.analysed), *traced]
+    records = method_records(
+        result.eyes[0], result.truth, measured, result.adaptive, result.standard_error
+    )
     more: list[dict[str, Any]] = [
         {
             "family": item.family,
@@ -137,7 +155,7 @@ def _methods(result: AnalysisResult) -> list[dict]:
         }
         for item in result.analysed
     ]
-    more.append({"family": "rays"})
+    more += [{"family": "rays"} for _ in traced]
     return [record | extra for record, extra in zip(records, more, strict=True)]
 
 

@@ -1,6 +1,6 @@
 """What was measured as entries of a report and as images: of a single view, or of a frame."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -21,19 +21,20 @@ def method_records(
     truth: Measured,
     methods: Sequence[Measured],
     adaptive: AdaptiveShadowMap,
-    soft: bool = False,
+    standard_error: np.ndarray | None = None,
 ) -> list[dict]:
-    """The `methods` of a report, judged by `truth`, which is `soft` or not; `eye` are the pixel
-    centres."""
+    """The `methods` of a report, judged by `truth`; `eye` are the pixel centres, and
+    `standard_error` (n,) is a soft truth's own."""
     size = eye.size
     valid = eye.valid.reshape(size)
     pairs = surface_pairs(valid, np.where(eye.valid, eye.depth, 1.0).reshape(size))
     expected = truth.visibility.reshape(size)
+    sure = None if standard_error is None else standard_error.reshape(size)
 
     def errors(visibility: np.ndarray) -> dict:
         found = error_summary(expected, visibility, valid, pairs)
-        if soft:
-            found["soft"] = soft_error(expected, visibility, valid, pairs)._asdict()
+        if sure is not None:
+            found["soft"] = soft_error(expected, visibility, valid, pairs, sure)._asdict()
         return found
 
     return [
@@ -80,6 +81,22 @@ def truth_record(
         "lit_fraction": float(truth.visibility[valid].mean()),
         **soft,
     }
+
+
+def truth_notices(truth: Measured, standard_error: np.ndarray | None) -> list[str]:
+    """What a reader of the table has to know of a soft truth; `standard_error` as above."""
+    if standard_error is None:
+        return []
+    return [
+        f"{truth.name} is truth, cast once and cold with drawing the places on the light: its time "
+        "is none to compare with"
+    ]
+
+
+def missing_text(effects: Iterable[str]) -> str:
+    """What every figure's title ends with where effects are not simulated."""
+    named = ", ".join(dict.fromkeys(effects))
+    return f"; not simulated: {named}" if named else ""
 
 
 def cost_model_record(model: CostModel) -> dict:

@@ -35,7 +35,7 @@ _DECISION = {
     "error": Key("amount", "what ignoring the effect would change, part of the light"),
     "rays": Key("count", "that the methods cast, estimated"),
     "seconds": Key("amount", "that they take, estimated"),
-    "forced": Key("flag", "whether somebody asked for it"),
+    "forced": Key("flag", "whether somebody asked for it, and got it"),
     "simulated": Key("flag", "whether there is a method for it"),
 }
 

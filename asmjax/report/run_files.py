@@ -14,6 +14,8 @@ from asmjax.report.measured import (
     light_parts,
     light_text,
     method_records,
+    missing_text,
+    truth_notices,
     truth_record,
     write_arrays,
 )
@@ -45,10 +47,12 @@ def write_results(result: RunResult, folder: Path, *, seed: int, save_arrays: bo
 def report_of(result: RunResult, seed: int) -> dict:
     """The validated `report.json` of a run with that seed."""
     eye = result.eyes[0]
-    soft = result.standard_error is not None
-    methods = method_records(eye, result.truth, result.methods, result.adaptive, soft)
+    methods = method_records(
+        eye, result.truth, result.methods, result.adaptive, result.standard_error
+    )
     notices = list(result.notices)
     notices += [f"{m.name}: {m.status.value}" for m in result.methods if m.status.is_limit]
+    notices += truth_notices(result.truth, result.standard_error)
     has_ratio = np.isfinite(result.maps["m"])
     return run_report(
         argv=["asmjax", *sys.argv[1:]],
@@ -92,8 +96,7 @@ def _pictures(result: RunResult, report: dict) -> RunPictures:
 def _missing(result: RunResult) -> str:
     """What no method has, in the words that every figure's title ends with."""
     plan = result.plan or {"not_simulated": []}
-    missing = dict.fromkeys(item["effect"] for item in plan["not_simulated"])
-    return f"; not simulated: {', '.join(missing)}" if missing else ""
+    return missing_text(item["effect"] for item in plan["not_simulated"])
 
 
 def _tree_picture(result: RunResult, state: AdaptiveState) -> TreePicture:

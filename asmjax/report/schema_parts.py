@@ -26,8 +26,10 @@ ERROR = {
             "penumbra_width_px": Key(
                 "number", "mean width of penumbrae minus truth's, pixels; below 0: too narrow"
             ),
-            "leak_fraction": Key("fraction", "pixels lighter than truth by more than 1/16"),
-            "acne_fraction": Key("fraction", "pixels lit in truth and darker by more than 1/16"),
+            "leak_fraction": Key(
+                "fraction", "pixels lighter than truth by more than 1/16 and 4 standard errors"
+            ),
+            "acne_fraction": Key("fraction", "pixels lit in truth and darker by more than that"),
         },
         "errors of penumbrae, where truth has some",
         False,

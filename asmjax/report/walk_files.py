@@ -13,7 +13,7 @@ from asmjax.report.figures.frames import (
     write_animation,
 )
 from asmjax.report.figures.walkthrough import draw_walkthrough
-from asmjax.report.measured import light_parts, write_arrays
+from asmjax.report.measured import light_parts, missing_text, write_arrays
 from asmjax.report.outputs import ANALYSIS, PLAN, SINGLE_RUN, WALKTHROUGH, remove
 from asmjax.report.record import write_json
 from asmjax.report.walk_record import COMPLETE, WalkRecord, WalkSetting
@@ -67,8 +67,9 @@ class WalkFiles:
         write_json(self._folder / "report.json", report)
         write_frames_csv(self._folder / "frames.csv", report["frames"])
         title = f"{report['scene']}, {report['view']}; moving: {report['motion']}"
-        save(draw_walkthrough(report), self._folder / "walkthrough.png")
-        save(draw_frames(self._pictures, title), self._folder / "frames.png")
+        missing = missing_text(self.record.setting.not_simulated)
+        save(draw_walkthrough(report, missing), self._folder / "walkthrough.png")
+        save(draw_frames(self._pictures, title + missing), self._folder / "frames.png")
         write_animation(self._pictures, self._folder / "walkthrough.gif")
         return report
 

@@ -3,7 +3,7 @@
 import statistics
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import jax
 
@@ -36,6 +36,7 @@ class WalkSetting:
         frames: how many frames were asked for.
         adaptive: the adaptive map, calibrated with `cost_model`.
         memory: what it was estimated to take; None where nobody asked.
+        not_simulated: effects that the scene calls for and that no method has, with reasons.
     """
 
     scene: str
@@ -48,6 +49,7 @@ class WalkSetting:
     cost_model: CostModel
     seed: int
     memory: Forecast | None = None
+    not_simulated: Mapping[str, str] = field(default_factory=dict)
 
 
 class WalkRecord:
@@ -121,7 +123,11 @@ class WalkRecord:
             cost_model=cost_model_record(setting.cost_model),
             summary=summary_of(self.frames),
             frames=self.frames,
-            notices=[*setting.notices, *notices],
+            notices=[
+                *setting.notices,
+                *(f"not simulated: {name}: {why}" for name, why in setting.not_simulated.items()),
+                *notices,
+            ],
         )
 
 

@@ -57,7 +57,7 @@ class LightSamples:
         frame: LightFrame,
         strata: int = STRATA,
         repeats: int = REPEATS,
-        seed: int = 0,
+        seed: int | tuple[int, ...] = 0,
     ):
         if frame.area is None:
             raise UseError(
@@ -130,7 +130,7 @@ def analytic_soft_visibility(
     frame: LightFrame,
     strata: int = STRATA,
     repeats: int = REPEATS,
-    seed: int = 0,
+    seed: int | tuple[int, ...] = 0,
 ) -> SoftVisibility:
     """Soft truth of analytic shapes by float64 rays; the lamp is not one of the shapes.
 

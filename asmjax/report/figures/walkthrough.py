@@ -48,7 +48,7 @@ left out."""
 
 
 @styled
-def draw_walkthrough(report: Mapping) -> Figure:
+def draw_walkthrough(report: Mapping, missing: str = "") -> Figure:
     """Five panels over the frames of a walkthrough's report.
 
     From above: milliseconds of each method, the adaptive map's by stage; nodes made, reused and
@@ -85,7 +85,8 @@ def draw_walkthrough(report: Mapping) -> Figure:
     refitted = sum(frame["light_frame_refitted"] for frame in frames)
     lines = f" Grey lines: the kept light frame was fitted anew ({refitted})." if refitted else ""
     ended = "" if report["ended"] == "complete" else f" Ended early: {report['ended']}."
-    board.caption(f"{report['scene']}, {report['view']}; moving: {report['motion']}.{lines}{ended}")
+    title = f"{report['scene']}, {report['view']}; moving: {report['motion']}{missing}"
+    board.caption(f"{title}.{lines}{ended}")
     return board.figure
 
 
