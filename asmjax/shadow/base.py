@@ -38,9 +38,14 @@ class Status(enum.Enum):
         "refinement did not settle within its passes: raise max_passes of AdaptiveShadowMap"
     )
 
+    MARGIN_LIMIT = (
+        "rays to the light leave the map, and casters beyond it are taken for those at its border: "
+        "trust wide penumbrae less, or accumulate hard shadows from samples of the light"
+    )
+
     @property
     def is_limit(self) -> bool:
-        """Whether a limit ended refinement."""
+        """Whether a limit ended refinement, or is where answers are less than they could be."""
         return self not in (Status.COMPLETE, Status.FOLLOWED)
 
 

@@ -56,12 +56,15 @@ class AccumulatedShadowMap(ShadowAlgorithm[AccumulatedState]):
         samples: points of a light with a size, a side of the grid.
         compare: what is stored and compared: "depth", "id", or "both".
         bias: relative depth bias of the comparison.
+        keep: whether `update` keeps the maps while light and casters rest and every sample's frame
+            serves what the view sees.
     """
 
     resolution: int = 2048
     samples: int = 4
     compare: Compare = "depth"
     bias: float = BIAS
+    keep: bool = False
 
     reference: ClassVar[str] = (
         "Heckbert and Herf 1997, Simulating Soft Shadows with Graphics Hardware"
@@ -83,7 +86,8 @@ class AccumulatedShadowMap(ShadowAlgorithm[AccumulatedState]):
     @property
     def name(self) -> str:
         suffix = "" if self.compare == "depth" else f"-{self.compare}"
-        return f"accumulated-{self.resolution}-{self.samples}x{self.samples}{suffix}"
+        kept = "-kept" if self.keep else ""
+        return f"accumulated-{self.resolution}-{self.samples}x{self.samples}{suffix}{kept}"
 
     def _flat(self, frame: LightFrame) -> UniformShadowMap:
         """The settings of each of the maps."""
@@ -105,7 +109,15 @@ class AccumulatedShadowMap(ShadowAlgorithm[AccumulatedState]):
         )
 
     def update(self, state, view, frame, rays, moved=None) -> AccumulatedState:
-        """Drawn anew: the samples' frames follow what the view sees."""
+        """Drawn anew, as the samples' frames follow what the view sees; or kept (`keep`), which
+        takes the time of looking whether these still serve, and no rays."""
+        if self.keep and moved is None and eqx.tree_equal(state.frame, frame):
+            start = time.perf_counter()
+            wanted = sample_frames(frame, view, self.samples)
+            analysis = time.perf_counter() - start
+            if all(_holds(one.frame, other) for one, other in zip(state.maps, wanted, strict=True)):
+                rested = tuple(replace(one, seconds=0.0, rays=0) for one in state.maps)
+                return replace(state, maps=rested, analysis=analysis)
         return self.build(view, frame, rays)
 
     def warm_up(self, state: AccumulatedState, view: EyeBuffer, frame: LightFrame) -> None:
@@ -133,13 +145,17 @@ class AccumulatedShadowMap(ShadowAlgorithm[AccumulatedState]):
             lit, counted = _added(lit, counted, flat.around(one, points), one.frame, points, offset)
         return lit / jnp.maximum(counted, 1)
 
-    def around(self, state: AccumulatedState, points: SurfacePoints) -> Neighbourhood:
-        """Of a light without a size; the mean of several maps has no texels."""
+    def check_filterable(self, frame: LightFrame) -> None:
+        """Raise `UseError` where there is nothing to filter under a light."""
         require(
-            state.frame.area is None,
+            frame.area is None,
             f"{self.name} is the mean of several maps under a light with a size, and cannot be "
             "filtered; raise its samples instead.",
         )
+
+    def around(self, state: AccumulatedState, points: SurfacePoints) -> Neighbourhood:
+        """Of a light without a size; the mean of several maps has no texels."""
+        self.check_filterable(state.frame)
         return self._flat(state.frame).around(state.maps[0], points)
 
     def density(self, state: AccumulatedState, points: SurfacePoints) -> Float[Array, "2 2 n"]:
@@ -170,6 +186,13 @@ class AccumulatedShadowMap(ShadowAlgorithm[AccumulatedState]):
 
     def effective_resolution(self, state: AccumulatedState) -> int:
         return self._flat(state.frame).resolution
+
+
+def _holds(kept: LightFrame, wanted: LightFrame) -> bool:
+    """Whether the rectangles of one sample's frame hold those of another, and so the depths between
+    which they were made."""
+    ends = kept.corner + kept.extent >= wanted.corner + wanted.extent
+    return bool((kept.corner <= wanted.corner).all() and ends.all())
 
 
 @eqx.filter_jit

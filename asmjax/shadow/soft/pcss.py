@@ -68,7 +68,7 @@ class PCSSShadowMap(WideShadowMap):
 
     @property
     def name(self) -> str:
-        return self._named()
+        return self._named(f"-{self.blocker_taps}+{self.filter_taps}")
 
     def is_uniform(self, frame: LightFrame) -> bool:
         return frame.area is None

@@ -38,7 +38,8 @@ from asmjax.shadow.uniform import LARGEST, UniformShadowMap, UniformState
 
 WIDEST_MARGIN = 0.5
 """Parts of the image that a map goes on for on each side, at most: its texels are twice as wide
-then. What casts from still further away is taken for what lies at the border."""
+then. What casts from still further away is taken for what lies at the border, and the status says
+so."""
 
 NARROWINGS = 3
 """How often a search for blockers looks how near the nearest one of its window is."""
@@ -53,6 +54,7 @@ class WideState(eqx.Module):
     Attributes:
         flat: the texels; those of a uniform map where the rest is None.
         margin: (faces, 2) float64, in parts of the image, on each side in u and v.
+        needed: (faces, 2) float64, what it would be without a limit.
         nearest: () float64 axial depth of the nearest caster, scene units.
         least: least depths of windows (`nearest.least_depths`), scene units.
         sums: what the family keeps of the depths besides, as arrays.
@@ -60,6 +62,7 @@ class WideState(eqx.Module):
 
     flat: UniformState
     margin: np.ndarray | None = None
+    needed: np.ndarray | None = None
     nearest: np.ndarray | None = None
     least: Float[Array, " cells"] | None = None
     sums: PyTree = None
@@ -128,9 +131,10 @@ class WideShadowMap(ShadowAlgorithm[WideState]):
             "texels in all: lower the resolution.",
         )
         start = time.perf_counter()
-        margin, probes = np.zeros((frame.faces, 2)), 0
+        needed, probes = np.zeros((frame.faces, 2)), 0
         if frame.area is not None:
-            margin, probes = margins(frame, rays), frame.faces * PROBE**2
+            needed, probes = margins(frame, rays), frame.faces * PROBE**2
+        margin = np.minimum(needed, WIDEST_MARGIN)
         texel = (1 + 2 * margin.T) / self.resolution
         windows = TexelWindows(np.arange(frame.faces), -margin.T, texel, self.resolution)
         buffer = rays.light_buffer(frame, windows)
@@ -150,7 +154,7 @@ class WideShadowMap(ShadowAlgorithm[WideState]):
         flat = UniformState(frame, depth, prim, seconds, windows.texels + probes)
         nearest = max(float(texels.min(where=hit, initial=np.inf)), frame.near)
         nearest = np.asarray(nearest if hit.any() else 1.0)
-        return WideState(flat, margin, nearest, least, sums)
+        return WideState(flat, margin, needed, nearest, least, sums)
 
     def update(self, state, view, frame, rays, moved=None) -> WideState:
         """Drawn anew, or kept (`keep`); a kept map's build took no time and no rays."""
@@ -174,12 +178,16 @@ class WideShadowMap(ShadowAlgorithm[WideState]):
         """`state` itself: nothing takes it over."""
         return state
 
-    def around(self, state: WideState, points: SurfacePoints) -> Neighbourhood:
-        """Of the uniform map; a light with a size needs no filter besides."""
+    def check_filterable(self, frame: LightFrame) -> None:
+        """Raise `UseError` where there is nothing to filter under a light."""
         require(
-            state.margin is None,
+            self.is_uniform(frame),
             f"{self.name} filters by the size of the light already; filter a uniform map instead.",
         )
+
+    def around(self, state: WideState, points: SurfacePoints) -> Neighbourhood:
+        """Of the uniform map; a light with a size needs no filter besides."""
+        self.check_filterable(state.flat.frame)
         return self.uniform.around(state.flat, points)
 
     def density(self, state: WideState, points: SurfacePoints) -> Float[Array, "2 2 n"]:
@@ -199,6 +207,7 @@ class WideShadowMap(ShadowAlgorithm[WideState]):
                 state.flat.depth,
                 state.flat.prim,
                 state.margin,
+                state.needed,
                 state.nearest,
                 state.least,
                 state.sums,
@@ -216,11 +225,12 @@ class WideShadowMap(ShadowAlgorithm[WideState]):
         if self.sum_bytes:
             texels, kept = faces * (self.resolution + 1) ** 2, self.sum_bytes
         cells = faces * sum(side**2 for side in sides(self.resolution))
-        state = texels * Memory(device=kept) + Memory(host=16 * faces + 16, device=4 * cells)
+        state = texels * Memory(device=kept) + Memory(host=32 * faces + 16, device=4 * cells)
         return MapMemory(state, state + texels * Memory(8 + 2 * self.sum_bytes, 8, 8))
 
     def status(self, state: WideState) -> Status:
-        return Status.COMPLETE
+        short = state.needed is not None and bool((state.needed > WIDEST_MARGIN).any())
+        return Status.MARGIN_LIMIT if short else Status.COMPLETE
 
     def effective_resolution(self, state: WideState) -> int:
         if state.margin is None:
@@ -238,8 +248,8 @@ class WideShadowMap(ShadowAlgorithm[WideState]):
 
 
 def margins(frame: LightFrame, rays: LightRays) -> np.ndarray:
-    """(faces, 2) by how much of its image, on each side in u and v, a map has to go on for the rays
-    from its receivers to a light with a size.
+    """(faces, 2) by how much of its image, on each side in u and v, a map would have to go on for
+    the rays from its receivers to a light with a size.
 
     Between the nearest and the farthest surface that `PROBE`^2 rays a face meet, all over the
     largest map there may be. Casters that they miss may reach in from beyond the margin.
@@ -262,7 +272,7 @@ def margins(frame: LightFrame, rays: LightRays) -> np.ndarray:
     if frame.perspective:
         outermost = np.maximum(np.abs(frame.corner), np.abs(frame.corner + frame.extent))
         across = across + outermost * frame.area.extent_along(frame.rotation[:, 2].T)[:, None]
-    return np.minimum(across * reach / frame.extent, WIDEST_MARGIN)
+    return across * reach / frame.extent
 
 
 def behind_emitter(frame: LightFrame, windows: TexelWindows) -> np.ndarray:
