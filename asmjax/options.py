@@ -262,8 +262,8 @@ class EffectOptions:
     change less are skipped. 0.0005 is 0.05 %."""
 
     force: Annotated[tuple[str, ...], _named("KIND KIND ...", "none")] = ()
-    """What is simulated whatever the numbers say: hard, soft (of lights with a size) or none, for all
-    lights; NAME=KIND for one of them. `asmjax run` measures its two hard maps, to
+    """What is simulated whatever the numbers say: hard, soft (of lights with a size) or none, for
+    all lights; NAME=KIND for one of them. `asmjax run` measures its two hard maps, to
     compare, even of a light without a shadow."""
 
 

@@ -5,8 +5,8 @@ from tqdm import tqdm
 from asmjax.effects import plan_lights, probe_size
 from asmjax.job_memory import Sight, plan_stages
 from asmjax.memory import check, limit_of
-from asmjax.options import PlanOptions
-from asmjax.planning import asked_of, force_of, known_rates, measured_rates
+from asmjax.options import PlanOptions, force_of
+from asmjax.planning import asked_of, known_rates, measured_rates
 from asmjax.preparation import Progress, StepBar, chosen_view, make_folder, results_folder
 from asmjax.render.load import load_scene
 from asmjax.report.plan_files import write_plan

@@ -46,7 +46,7 @@ def plan_effects(
         view: of the scene, or its name; the first one without.
         tolerance: part of the picture's light, mean over its pixels, whose change nobody minds.
         force: what to simulate whatever the numbers say, by light ("*" is all others): none, hard,
-            soft, or all (soft, and of lights below the tolerance too).
+            or soft (of lights with a size).
         lights: that are decided about, as parts of the light of all; all without.
         moving: whether anything moves between frames.
         seed: of the directions in which the surroundings are looked at.
@@ -124,21 +124,3 @@ def measured_rates(scene: Scene, asked: SceneAsked, options: PlanOptions) -> Rat
             model = calibrated(scene, light.spec, light.rays(), light.frame, options)
             return Rates(texel=model.a_seconds_per_texel, measured=True)
     return Rates()
-
-
-def force_of(words: Sequence[str]) -> dict[str, str]:
-    """The words of --force by light: "soft" is of all ("*"), "lamp=soft" of one.
-
-    Raises:
-        UseError: two words for the same.
-    """
-    force: dict[str, str] = {}
-    for word in words:
-        light, _, kind = word.rpartition("=")
-        if (light or "*") in force:
-            raise UseError(
-                f"--force says two things of {f'light {light!r}' if light else 'all lights'}: "
-                f"{force[light or '*']} and {kind}; leave one of them out."
-            )
-        force[light or "*"] = kind
-    return force

@@ -156,10 +156,11 @@ def test_lights_that_need_no_shadow(change, effect, said):
 )
 def test_lights_without_size_are_hard_whatever_is_asked_for(kind, said):
     numbers = replace(LAMP, shape=None, kind=kind, fov_deg=None)
-    for force in (None, "hard", "soft", "all"):
+    for force in (None, "hard", "soft"):
         decision = of(numbers, force=force)
         assert decision.kind == "hard" and said in decision.reason
-        assert decision.forced is (force is not None)
+        assert decision.forced is (force == "hard")
+        assert decision.reason.startswith("soft was asked for, but ") is (force == "soft")
         assert decision.error == pytest.approx(0.2)
 
 
@@ -178,10 +179,13 @@ def test_force_overrides_the_numbers():
     outcome = decide_light(LAMP, force="hard")
     assert the_decision(outcome).kind == "hard" and the_decision(outcome).forced
     assert outcome.not_simulated[0].effect == "penumbra"
-    assert of(wide(0.5), force="soft").methods == ("pcss",)
-    assert of(replace(LAMP, share=0.0, lone_convex=True), force="all").kind == "soft"
-    assert of(LAMP, force="none").kind == "none"
-    assert of(replace(LAMP, facing=0.0), force="all").kind == "none"
+    for numbers in (wide(0.5), replace(LAMP, share=0.0, lone_convex=True)):
+        decision = of(numbers, force="soft")
+        assert decision.methods == ("pcss",) and decision.forced
+    assert not of(LAMP, force="soft", available={"adaptive"}).forced
+    assert of(LAMP, force="none").kind == "none" and of(LAMP, force="none").forced
+    away = of(replace(LAMP, facing=0.0), force="soft")
+    assert away.kind == "none" and not away.forced and away.reason.startswith("soft was asked for")
 
 
 def test_what_passes_through_is_named():

@@ -10,7 +10,7 @@ from helpers.mitsuba_scenes import pinhole, real_scene
 
 from asmjax import cli
 from asmjax.errors import UseError
-from asmjax.options import PlanOptions
+from asmjax.options import PlanOptions, RunOptions, force_of
 from asmjax.report import InvalidReport, validate_report
 from asmjax.report.figures.plan import LightPanel, draw_plan
 from asmjax.report.keys import key_paths
@@ -267,14 +267,20 @@ def test_wrong_use_is_one_line_and_leaves_nothing(words, said, tmp_path, capfd):
 
 
 def test_words_of_force():
-    from asmjax.planning import force_of
-
     assert force_of([]) == {}
     assert force_of(["soft", "lamp=hard", "a=b=none"]) == {
         "*": "soft", "lamp": "hard", "a=b": "none"
     }  # fmt: skip
     with pytest.raises(UseError, match="all lights: soft and hard"):
         force_of(["soft", "hard"])
+
+
+@pytest.mark.parametrize("options", [PlanOptions, RunOptions])
+@pytest.mark.parametrize("words", [("all",), ("lamp=sfot",), ("soft", "hard")])
+def test_wrong_words_of_force_cost_no_scene(options, words):
+    """They are refused when options are made."""
+    with pytest.raises(UseError, match="effect to force|two things"):
+        options(force=words)
 
 
 @pytest.mark.mitsuba

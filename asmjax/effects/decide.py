@@ -7,7 +7,7 @@ in prose.
 import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Literal, get_args
+from typing import Any, get_args
 
 from asmjax.effects.records import (
     Decision,
@@ -20,10 +20,7 @@ from asmjax.effects.records import (
     pixels,
 )
 from asmjax.errors import require, unknown_name
-from asmjax.options import TOLERANCE
-
-Force = Literal["none", "hard", "soft", "all"]
-"""What may be asked for; "all" is soft wherever a light has a size, small or not."""
+from asmjax.options import TOLERANCE, Force
 
 SUBPIXEL, NARROW, WIDE = 1.0, 4.0, 64.0
 """Widths of penumbrae in pixels up to which a shadow is hard, a filter does, and one map does."""
@@ -111,11 +108,13 @@ def decide_light(
 
 def _left_out(numbers: LightNumbers, tolerance: float, force: str | None) -> Outcome | None:
     """The outcome for a light whose shadow nobody looks for; None where it is needed."""
-    asked_for = force in ("hard", "soft", "all")
+    asked_for = force in ("hard", "soft")
     if force == "none":
         return _none(numbers, "no shadow, as was asked for", error=numbers.share, forced=True)
     if numbers.facing == 0:
-        return _none(numbers, "it shines on nothing that the view sees", "pixels that it shines on")
+        why = "it shines on nothing that the view sees"
+        why = f"{force} was asked for, but {why}" if asked_for else why
+        return _none(numbers, why, "pixels that it shines on")
     if numbers.share < tolerance and not asked_for:
         return _none(
             numbers,
@@ -159,7 +158,7 @@ class _Choice:
     rates: Rates
 
     def outcome(self) -> Outcome:
-        numbers, asked = self.numbers, self.force in ("soft", "all")
+        numbers = self.numbers
         width, error = numbers.width_p95, numbers.soft_error
         if numbers.shape is None:
             return self._without_size()
@@ -168,7 +167,7 @@ class _Choice:
             hard = replace(self._by_width(why, SUBPIXEL), forced=True)
             missed = NotSimulated(numbers.name, "penumbra", why, error)
             return Outcome((hard,), (), (missed,) if error >= self.tolerance else ())
-        if asked:
+        if self.force == "soft":
             return self._soft("as was asked for")
         if width <= SUBPIXEL:
             why = (
@@ -193,8 +192,9 @@ class _Choice:
         """Hard; of a lamp that a point stands for, with what is missing."""
         numbers = self.numbers
         why = _WITHOUT_SIZE["lamp" if numbers.point_for_lamp else numbers.kind]
+        why = f"soft was asked for, but {why}" if self.force == "soft" else why
         hard = self._hard(why, "size of the light, scene units", 0.0, 0.0)
-        hard = replace(hard, forced=self.force is not None)
+        hard = replace(hard, forced=self.force == "hard")
         missed = numbers.soft_error if numbers.point_for_lamp else 0.0
         if missed >= self.tolerance and missed > 0 and numbers.width_p95 > SUBPIXEL:
             wide = f"{why}; as of a sphere of its area they are {pixels(numbers.width_p50)} wide"
@@ -280,7 +280,7 @@ class _Choice:
             **samples,
             reason=f"{seen}, {why}; {how}",
             error=numbers.soft_error,
-            forced=self.force is not None,
+            forced=self.force == "soft",
         )
         return self._if_registered(decision, wanted)
 

@@ -56,7 +56,7 @@ def look_at_light(
         point_for_lamp=light.stand_in is not None,
     )
     seen = LightSeen(spec.name, paths.facing.reshape(size), paths.cosine.reshape(size))
-    asked_for = force in ("hard", "soft", "all")
+    asked_for = force in ("hard", "soft")
     if force == "none" or (not asked_for and (known.share < tolerance or known.lone_convex)):
         return known, seen
     stand_in = light.stand_in

@@ -40,7 +40,7 @@ def plan_lights(
 
     Args:
         tolerance: part of the light, mean over the picture, whose change nobody minds.
-        force: what to do about a light, by name, or "*" for all others: none, hard, soft or all.
+        force: what to do about a light, by name, or "*" for all others: none, hard or soft.
         available: families of shadow algorithms that are registered.
         rates: what things cost.
         seed: of the directions in which the surroundings are looked at.

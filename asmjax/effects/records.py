@@ -100,7 +100,7 @@ class Decision:
         error: what ignoring the effect would change, part of the light, mean over the picture.
         rays: that the methods cast, estimated.
         seconds: that they take, estimated.
-        forced: whether somebody asked for it.
+        forced: whether somebody asked for it, and it is what was asked for.
         simulated: whether there is a method for it.
     """
 
