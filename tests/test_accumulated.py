@@ -238,3 +238,28 @@ def test_what_has_no_texels_is_refused():
     algorithm = AccumulatedShadowMap(8, 2)
     with pytest.raises(UseError, match="cannot be filtered"):
         algorithm.around(algorithm.build(eye, frame, rays), eye.points)
+
+
+def test_maps_are_kept_while_nothing_moves():
+    """And drawn anew where a caster moved, or where what is seen is no longer between the depths
+    that the samples' frames were made for."""
+    shapes = a5_half_plane().spec.shapes
+    eye = analytic_eye(shapes, replace(NEAR_EDGE, width=16, height=16))
+    frame = light_frame(LAMP, eye, scene_bounds(shapes))
+    rays = CountingRays(AnalyticRays(shapes))
+    algorithm = AccumulatedShadowMap(32, 2, keep=True)
+    assert algorithm.name == "accumulated-32-2x2-kept"
+    state = algorithm.build(eye, frame, rays)
+    kept = algorithm.update(state, eye, frame, rays)
+    assert rays.launches == 4 and algorithm.cost(kept).rays == 0
+    lit = algorithm.visibility(state, eye.points)
+    np.testing.assert_array_equal(algorithm.visibility(kept, eye.points), lit)
+    box = np.array([[[-9.0, 9.0]] * 3])
+    algorithm.update(kept, eye, frame, rays, moved=box)
+    assert rays.launches == 8
+    higher = analytic_eye(shapes, replace(NEAR_EDGE, target=(-1.0, 0.0, 2.0), width=16, height=16))
+    assert (higher.shape == 1).any()
+    algorithm.update(kept, higher, frame, rays)
+    assert rays.launches == 12
+    replace(algorithm, keep=False).update(state, eye, frame, rays)
+    assert rays.launches == 16

