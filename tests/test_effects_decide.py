@@ -42,7 +42,12 @@ from asmjax.scene.analytic_scenes import (
     a7_sphere_light,
 )
 from asmjax.scene.closed_forms import half_plane_disc_visibility
-from asmjax.scene.materials import Surroundings, opaque_materials
+from asmjax.scene.materials import (
+    Surroundings,
+    even_directions,
+    even_surroundings,
+    opaque_materials,
+)
 from asmjax.scene.spec import LightSpec, Mesh, ViewSpec
 
 CLOSE = 0.05
@@ -423,7 +428,7 @@ def test_surroundings_are_not_simulated_unless_they_are_dim():
     """Their share by pi times radiance; what is hidden of them by rays, none where they are dim."""
     scene = a1_square()
     (lamp,) = scene.spec.lights.values()
-    bright, dim = Surroundings("sky", 0.05), Surroundings("sky", 1e-7)
+    bright, dim = even_surroundings("sky", 0.05), even_surroundings("sky", 1e-7)
     rays = CountedRays(AnalyticRays(scene.spec.shapes))
     plan = plan_lights(asked_about(scene, [lamp], surroundings=[bright], rays=rays))
     (missing,) = [item for item in plan.not_simulated if item.effect == "surroundings"]
@@ -432,6 +437,17 @@ def test_surroundings_are_not_simulated_unless_they_are_dim():
     plan = plan_lights(asked_about(scene, [lamp], surroundings=[dim], rays=rays))
     assert not plan.not_simulated and rays.occlusion == 0
     assert any(item.effect == "surroundings" for item in plan.skipped)
+
+
+def test_a_sky_brings_a_floor_twice_what_it_brings_a_wall():
+    """Irradiance of an even sphere is pi times its radiance; of its upper half all of that on a
+    floor, half on a wall, none on a ceiling."""
+    normal = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 0.0], [1.0, 0.0, -1.0]])
+    np.testing.assert_allclose(even_surroundings("room", 0.5).irradiance(normal), math.pi / 2)
+    directions = even_directions()
+    sky = Surroundings("sky", directions, np.where(directions[2] > 0, 0.5, 0.0))
+    expected = math.pi / 2 * np.array([1.0, 0.5, 0.0])
+    np.testing.assert_allclose(sky.irradiance(normal), expected, atol=0.01)
 
 
 def test_looking_is_no_closer_than_decisions_need():

@@ -19,6 +19,7 @@ from asmjax.report.plan_schema import PLAN_KEYS
 from asmjax.report.plan_table import plan_table
 from asmjax.report.schema import RUN_KEYS
 from asmjax.report.table import MAX_WIDTH
+from asmjax.scene.materials import even_directions
 
 DOCS = Path(__file__).parents[1] / "docs"
 GREY = {"type": "diffuse", "reflectance": {"type": "rgb", "value": 0.5}}
@@ -176,7 +177,30 @@ def test_materials_of_a_mitsuba_scene():
     assert materials.extinction[fog] == pytest.approx(1.5) and materials.extinction.sum() < 1.6
     assert materials.transmits and not materials.opaque
     (sky,) = surroundings_of(scene)
-    assert sky.name == "sky" and sky.radiance == pytest.approx(0.3, rel=1e-3)
+    assert sky.name == "sky" and sky.luminance.shape == sky.directions[0].shape
+    np.testing.assert_allclose(sky.luminance, 0.3, rtol=1e-3)
+
+
+@pytest.mark.mitsuba
+def test_the_sun_is_no_part_of_its_own_sky():
+    """A sun ten degrees across stands before a direction that is looked at: what is around it is as
+    bright as without it."""
+    from asmjax import load_scene
+    from asmjax.render.materials import surroundings_of
+    from asmjax.render.variant import activate
+
+    mi = activate()
+    towards = even_directions()[:, 60]
+    assert towards[2] > 0.5
+    floors = []
+    for scale in (1.0, 0.0):
+        words = {"sun_direction": towards.tolist(), "sun_aperture": 10.0, "sun_scale": scale}
+        scene = load_scene(room(mi, {"bsdf": GREY}, {"type": "sunsky", "id": "sky", **words}))
+        assert list(scene.lights) == (["sky"] if scale else [])
+        (sky,) = surroundings_of(scene)
+        assert sky.luminance.size == even_directions().shape[1] - bool(scale)
+        floors.append(sky.irradiance(np.array([[0.0], [0.0], [1.0]])))
+    assert floors[0] > 0 and floors[0] == pytest.approx(floors[1], rel=0.05)
 
 
 @pytest.mark.mitsuba

@@ -1,6 +1,5 @@
 """Making a plan: what part of the light each light brings, a look at each, and what to do."""
 
-import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
@@ -130,11 +129,13 @@ def _parts(
         else probe.irradiance(light.spec, light.frame, path, light.stand_in)
         for light, path in zip(asked.lights, paths, strict=True)
     ]
-    around = math.pi * sum(item.radiance for item in asked.surroundings)
-    brought.append(np.where(asked.eye.valid, around, 0.0))
+    around = np.zeros(asked.eye.valid.size)
+    for item in asked.surroundings:
+        around += np.where(asked.eye.valid, item.irradiance(asked.eye.normal), 0.0)
+    brought.append(around)
     specs = [light.spec for light in asked.lights]
     kinds = {(spec.kind, spec.area is None) for spec in specs}
-    if len(kinds) > 1 and around == 0 and all(spec.intensity == 1.0 for spec in specs):
+    if len(kinds) > 1 and not around.any() and all(spec.intensity == 1.0 for spec in specs):
         # Intensity, irradiance and radiance of 1 have nothing to do with each other.
         note = "the scene does not say how bright its lights are: each is planned as if alone"
         return [np.where(light > 0, 1.0, 0.0) for light in brought], [note]

@@ -9,13 +9,13 @@ from asmjax.render.area_emitters import LUMINANCE
 from asmjax.render.caster import MitsubaRays
 from asmjax.render.load import Scene
 from asmjax.render.sensors import plugin_names
-from asmjax.scene.materials import Materials, Surroundings
+from asmjax.scene.materials import Materials, Surroundings, even_directions
 
 PLACES = 8
 """Places along each side of a texture at which its opacity is looked at."""
 
-DIRECTIONS = 256
-"""Directions in which the radiance of surroundings is looked at."""
+SUN_RIM = 1.001
+"""Directions so little beyond the rim of a sun's disk, in parts of its radius, count as on it."""
 
 SAME = 1e-3
 """Opacities that differ by less are one."""
@@ -84,12 +84,17 @@ def _inside(mi, shape) -> float:
 
 
 def surroundings_of(scene: Scene) -> tuple[Surroundings, ...]:
-    """The emitters all around a scene, with their mean radiance."""
+    """The emitters all around a scene, with their radiance from all sides."""
     return tuple(
-        Surroundings(name, _mean_radiance(scene._mi, emitter))
+        _seen_around(scene._mi, name, emitter, _sun_of(scene, name))
         for name, emitter in _emitters(scene)
         if emitter.is_environment()
     )
+
+
+def _sun_of(scene: Scene, name: str) -> AreaLight | None:
+    """The sun of a sky that is a light of the scene too."""
+    return scene.lights[name].spec.area if name in scene.lights else None
 
 
 def unknown_emitters(scene: Scene) -> tuple[str, ...]:
@@ -122,16 +127,19 @@ def rays_to_surroundings(scene: Scene) -> MitsubaRays:
     return scene._rays
 
 
-def _mean_radiance(mi, emitter) -> float:
-    """Over directions on a spiral that is even on the sphere."""
-    step = np.arange(DIRECTIONS) + 0.5
-    z, angle = 1 - 2 * step / DIRECTIONS, step * np.pi * (3 - np.sqrt(5))
-    across = np.sqrt(1 - z * z)
-    directions = np.stack([across * np.cos(angle), across * np.sin(angle), z])
+def _seen_around(mi, name: str, emitter, sun: AreaLight | None) -> Surroundings:
+    """What the emitter brings from each direction; not from those of its own `sun`, which is a
+    light by itself."""
+    directions = even_directions()
+    if sun is not None:
+        off = -sun.normal @ directions < np.cos(SUN_RIM * np.arctan(sun.radius))
+        directions = directions[:, off]
     if mi.variant().startswith("scalar"):
         seen = [_luminance(_towards(mi, emitter, one)) for one in directions.T.tolist()]
-        return float(np.mean(seen))
-    return float(_luminance(_towards(mi, emitter, directions.astype(np.float32))).mean())
+        return Surroundings(name, directions, np.concatenate(seen))
+    seen = _luminance(_towards(mi, emitter, directions.astype(np.float32)))
+    # A constant comes back once.
+    return Surroundings(name, directions, np.broadcast_to(seen, directions[0].shape))
 
 
 def _towards(mi, emitter, direction):

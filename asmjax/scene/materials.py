@@ -49,14 +49,41 @@ def opaque_materials(shapes: int) -> Materials:
     return Materials(none, none > 0, none > 0, none)
 
 
-@dataclass(frozen=True)
+DIRECTIONS = 256
+"""Directions in which the radiance of surroundings is looked at."""
+
+
+@dataclass(frozen=True, eq=False)
 class Surroundings:
     """An emitter all around the scene, which no map of a light stands for.
 
     Attributes:
         name: its id.
-        radiance: mean luminance over all directions.
+        directions: (3, k) float64, world, unit, each for an equal part of what is looked at.
+        luminance: (k,) float64, of the radiance from there.
     """
 
     name: str
-    radiance: float
+    directions: np.ndarray
+    luminance: np.ndarray
+
+    def irradiance(self, normal: np.ndarray) -> np.ndarray:
+        """What arrives at receivers with unit normals (3, n) where nothing shades them, (n,): pi
+        times the radiance, mean over the hemisphere by the cosine; a sky brings twice as much to a
+        floor as to a wall."""
+        cosine = np.maximum(self.directions.T @ normal, 0)
+        weight = cosine.sum(axis=0)
+        return np.pi * (self.luminance @ cosine) / np.where(weight > 0, weight, 1.0)
+
+
+def even_directions(count: int = DIRECTIONS) -> np.ndarray:
+    """Unit vectors (3, count) float64 on a spiral that is even on the sphere."""
+    step = np.arange(count) + 0.5
+    z, angle = 1 - 2 * step / count, step * np.pi * (3 - np.sqrt(5))
+    across = np.sqrt(1 - z * z)
+    return np.stack([across * np.cos(angle), across * np.sin(angle), z])
+
+
+def even_surroundings(name: str, radiance: float) -> Surroundings:
+    """As bright from everywhere."""
+    return Surroundings(name, even_directions(), np.full(DIRECTIONS, radiance))
