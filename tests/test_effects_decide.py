@@ -32,7 +32,7 @@ from asmjax.effects.probe import light_paths
 from asmjax.effects.widths import CLEAR, RAYS, TEXELS, _largest_gap
 from asmjax.errors import UseError
 from asmjax.experiment.traces import counted_traces
-from asmjax.geometry import sun_light
+from asmjax.geometry import sphere_light, sun_light
 from asmjax.scene.analytic_rays import AnalyticRays, analytic_eye
 from asmjax.scene.analytic_scenes import (
     a1_square,
@@ -48,6 +48,7 @@ from asmjax.scene.materials import (
     even_surroundings,
     opaque_materials,
 )
+from asmjax.scene.soft_visibility import LightSamples
 from asmjax.scene.spec import LightSpec, Mesh, ViewSpec
 
 CLOSE = 0.05
@@ -315,7 +316,30 @@ def test_parallel_light_says_what_it_would_be_as_the_sun():
     assert hard.decision("sun").width_p95 == 0 and hard.decision("sun").kind == "hard"
     (note,) = hard.notes
     assert "if it stands for the sun" in note and "note: 'sun' is parallel" in hard.explain()
-    assert not soft.notes and not plan_lights(asked_about(scene, [parallel]), 0.1).notes
+    assert not any("the sun" in note for note in soft.notes)
+    assert not plan_lights(asked_about(scene, [parallel]), 0.1).notes
+
+
+@pytest.mark.parametrize("kind", ["lamp", "sun"])
+def test_what_a_light_shines_on_is_what_soft_truth_asks_about(kind):
+    """A sphere half below the floor's plane, and a sun that half sets: all that any part of it
+    shines on counts, and the pixels in whose plane it stands are said."""
+    scene = a1_square()
+    (lamp,) = scene.spec.lights.values()
+    low = (1.0, 0.0, -0.01)
+    sun = LightSpec("centre", "directional", direction=low, area=sun_light(low, math.radians(4)))
+    ball = replace(lamp, position=(4.0, 0.0, -0.1), area=sphere_light((4.0, 0.0, -0.1), 0.5))
+    asked = asked_about(scene, [sun if kind == "sun" else ball])
+    frame = asked.lights[0].frame
+    assert frame is not None
+    samples = LightSamples(asked.eye, frame)
+    plan = plan_lights(asked, 0.0)
+    (numbers,) = plan.numbers
+    assert numbers.facing == samples.pixels.size / asked.eye.valid.sum()
+    floor = asked.eye.valid & (asked.eye.shape == 0)
+    assert 0 < floor.sum() / asked.eye.valid.sum() <= numbers.straddled <= numbers.facing
+    paths = light_paths(asked.eye, frame)
+    assert (paths.facing <= paths.reached).all() and (paths.straddled <= paths.reached).all()
 
 
 def test_a_sphere_light_has_the_width_of_its_disk():

@@ -38,7 +38,7 @@ def look_at_light(
     frame, spec = light.frame, light.spec
     valid, size = asked.eye.valid, asked.eye.size
     pixels = round(float(valid.mean()) * asked.view.width * asked.view.height)
-    if paths is None or frame is None or not paths.facing.any():
+    if paths is None or frame is None or not paths.reached.any():
         nothing = np.zeros(size)
         known = LightNumbers(spec.name, spec.kind, share=0.0, facing=0.0, faces=0, pixels=pixels)
         return known, LightSeen(spec.name, nothing > 0, nothing)
@@ -47,7 +47,8 @@ def look_at_light(
         kind=spec.kind,
         shape=None if frame.area is None else frame.area.shape,
         share=min(float(part[valid].mean()), 1.0),
-        facing=float(paths.facing[valid].mean()),
+        facing=float(paths.reached[valid].mean()),
+        straddled=float(paths.straddled[valid].mean()),
         faces=frame.faces,
         fov_deg=_field_of_view(frame) if frame.perspective else None,
         pixels=pixels,
@@ -57,7 +58,9 @@ def look_at_light(
     )
     seen = LightSeen(spec.name, paths.facing.reshape(size), paths.cosine.reshape(size))
     asked_for = force in ("hard", "soft")
-    if force == "none" or (not asked_for and (known.share < tolerance or known.lone_convex)):
+    needless = known.share < tolerance or known.lone_convex
+    # Where its centre shines on nothing there is no hard shadow to look at.
+    if force == "none" or (not asked_for and needless) or not paths.facing.any():
         return known, seen
     stand_in = light.stand_in
     if not frame.perspective:

@@ -71,7 +71,9 @@ def plan_lights(
         if light.frame is None:
             outcome = _because(outcome, light.why)
         outcomes.append(outcome)
-        notes += _if_it_were_the_sun(known, tolerance)
+        notes += _if_it_were_the_sun(known, tolerance) + _straddled(
+            known, paths[k], parts[k], tolerance
+        )
         numbers.append(known)
         seen.append(looked)
     return Plan(
@@ -109,6 +111,24 @@ def _if_it_were_the_sun(known: LightNumbers, tolerance: float) -> list[str]:
         f"penumbrae are {pixels(known.width_p50)} wide (5 % of edges above "
         f"{pixels(known.width_p95)}) and hard edges change {percent(known.soft_error)} of the "
         "light: give it a size then"
+    ]
+
+
+def _straddled(
+    known: LightNumbers, paths: probe.Paths | None, part: np.ndarray, tolerance: float
+) -> list[str]:
+    """A note where a light stands in the planes of pixels to which it matters; `part` (n,) of their
+    light comes from it."""
+    if paths is None or not paths.straddled.any():
+        return []
+    # Where nothing is seen, nothing is straddled: the mean is over the pixels of the picture.
+    there = known.straddled * float(part[paths.straddled].mean())
+    if there < tolerance:
+        return []
+    return [
+        f"'{known.name}' stands in the plane of {percent(known.straddled)} of the pixels, where it "
+        f"brings {percent(there)} of the light: a part of it is behind what they see, which soft "
+        "methods tell, hard ones do not, and widths of penumbrae leave out"
     ]
 
 

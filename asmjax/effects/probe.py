@@ -48,7 +48,9 @@ class Paths:
         origin: (3, n) where they begin, world: at the light, or in front of all casters.
         along: (3, n) from there to the receiver, scene units; 0 where nothing is seen.
         distance: (n,) its length.
-        facing: (n,) bool, whether the light shines on the seen side.
+        facing: (n,) bool, whether the light's centre shines on the seen side.
+        reached: (n,) bool, whether any part of it does, as soft truth has it.
+        straddled: (n,) bool, whether a part of it does and a part is behind the receiver's plane.
         cosine: (n,) between the normal and the way back; at most 0 where not facing.
     """
 
@@ -56,6 +58,8 @@ class Paths:
     along: np.ndarray
     distance: np.ndarray
     facing: np.ndarray
+    reached: np.ndarray
+    straddled: np.ndarray
     cosine: np.ndarray
 
     @property
@@ -80,7 +84,14 @@ def light_paths(eye: EyeBuffer, frame: LightFrame) -> Paths:
     shone_on = eye.valid & in_domain(frame, world)
     if frame.area is not None and frame.perspective:
         shone_on &= np.asarray(frame.area.emits_towards(world))
-    return Paths(origin, along, distance, shone_on & (cosine > 0), cosine)
+    facing = shone_on & (cosine > 0)
+    if frame.area is None:
+        return Paths(origin, along, distance, facing, facing, np.zeros_like(facing), cosine)
+    # Of a sun the light's place is a unit direction.
+    height = cosine * (distance if frame.perspective else 1.0)
+    extent = frame.area.extent_along(eye.normal)
+    reached = shone_on & (height + extent > 0)
+    return Paths(origin, along, distance, facing, reached, reached & (height < extent), cosine)
 
 
 def irradiance(

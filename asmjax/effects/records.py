@@ -20,12 +20,13 @@ class LightNumbers:
         point_for_lamp: whether it is a point in place of a lamp of another shape, whose penumbrae
             are estimated as those of a sphere.
         share: part of the light that comes from here.
-        facing: part of the pixels that it shines on.
+        facing: part of the pixels that it, or a part of it, shines on.
+        straddled: part of the pixels in whose plane the light stands: a part of it is behind.
         faces: of its map.
         fov_deg: of the widest face, degrees; None for parallel light.
         pixels: of the picture that see a surface.
-        shadowed: part of the pixels that it shines on that are in its hard shadow; None where
-            nobody looked.
+        shadowed: part of the pixels that its centre shines on that are in its hard shadow; None
+            where nobody looked.
         edge_px: length of the hard shadow's edges, pixels.
         contrast: part of the light that comes from here, mean beside those edges.
         width_p50, width_p95, width_mean: of penumbrae across those edges, pixels; of parallel light
@@ -45,6 +46,7 @@ class LightNumbers:
     point_for_lamp: bool = False
     share: float = 1.0
     facing: float = 1.0
+    straddled: float = 0.0
     faces: int = 1
     fov_deg: float | None = None
     pixels: int = 512 * 512
