@@ -1,0 +1,260 @@
+"""Is what a plan skips missed, what does forcing it cost, and is what is skipped really free?
+
+For each scene the plan of its light; how much hard edges change (predicted by the plan, and
+measured against 64 shadow rays a pixel to all of the light); how near the planned method comes; and
+what the method that takes everything into account costs beside the planned one. Suns that the scene
+files have without a disk are planned with one too. Then a run of a point light with the soft
+families registered, and without, in turns.
+
+    python experiments/effects.py [--smoke] [--out DIR]
+
+Takes about 5 minutes on 2 cores. Times are compared, so nothing else may run beside it. Scenes of
+other folders are looked for in ../shared/scenes and left out where absent.
+"""
+
+import argparse
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from asmjax.buffers import seen_points
+from asmjax.cli.caches import enable_compilation_cache
+from asmjax.effects import TOLERANCE
+from asmjax.effects.methods import soft_methods
+from asmjax.experiment import in_turns, median_of, ratio_of, timed
+from asmjax.experiment.bounds import Bound
+from asmjax.experiment.traces import counted_traces
+from asmjax.geometry.area_light import sun_light
+from asmjax.machine import keep_freed_memory
+from asmjax.main_job import measure_scene
+from asmjax.options import RunOptions
+from asmjax.planning import plan_effects
+from asmjax.render.load import Scene, load_scene
+from asmjax.report.stepwise import StepwiseRecord
+from asmjax.shadow import ALGORITHMS, AccumulatedShadowMap, ShadowAlgorithm, UniformShadowMap
+from asmjax.shadow.registry import FILTERS, SOFT
+
+SHARED = Path(__file__).parents[2] / "shared" / "scenes"
+
+SUN = np.radians(0.5338)
+"""The sun's angular diameter, radians."""
+
+RESOLUTION, EVERYTHING = 2048, 8
+"""Texels a side of all maps, and samples a side of the light where everything is asked for."""
+
+
+class Subject(NamedTuple):
+    """A scene whose first light is planned for; with `disk`, a sun that gets the real one's."""
+
+    scene: str
+    disk: bool = False
+
+    @property
+    def name(self) -> str:
+        return f"{self.scene}, sun's disk" if self.disk else self.scene
+
+
+SUBJECTS = (
+    Subject("paper_room"),
+    Subject("cornell_box"),
+    Subject("breakfast_room"),
+    Subject("breakfast_room", disk=True),
+    Subject("munich"),
+    Subject("munich", disk=True),
+)
+
+
+def scene_of(subject: Subject) -> Scene | None:
+    """The scene of that name; None where its file is not there."""
+    path = SHARED / subject.scene / f"{subject.scene}.xml"
+    if not path.exists() and subject.scene != "paper_room":
+        return None
+    scene = load_scene(str(path) if path.exists() else subject.scene)
+    if not subject.disk:
+        return scene
+    light = scene.light()
+    return scene.with_light(replace(light, area=sun_light(light.direction, SUN)))
+
+
+class Study:
+    """The steps of the experiment; each adds to the record."""
+
+    def __init__(self, folder: Path, smoke: bool):
+        self.width, self.rounds = (96, 1) if smoke else (512, 5)
+        self.resolution = 256 if smoke else RESOLUTION
+        self.pairs = 2 if smoke else 30
+        self.record = StepwiseRecord(
+            folder, "Effects that are skipped", {"smoke": smoke, "tolerance": TOLERANCE},
+            bounds, document,
+        )  # fmt: skip
+
+    def steps(self) -> dict:
+        """Names to what is done, in order."""
+        steps = {s.name: (lambda s=s: self.subject(s)) for s in SUBJECTS}
+        return steps | {"free": self.free}
+
+    def subject(self, subject: Subject) -> None:
+        """One plan, carried out, and everything in its place."""
+        scene = scene_of(subject)
+        if scene is None:
+            self.record.record.setdefault("left_out", []).append(f"{subject.name}: no {SHARED}")
+            return
+        view = scene.view()
+        view = view.resized(self.width, round(self.width * view.height / view.width))
+        light = scene.light()
+        plan = plan_effects(scene, view, lights=[light.name])
+        decision, known = plan.decision(light.name), plan.numbers[0]
+        eye = scene.eye(view)
+        frame, rays = scene.light_frame(eye), scene.light_rays()
+        hard = scene.shadow_rays(eye, frame, rays).trace().astype(float)
+        soft = None if frame.area is None else scene.soft_rays(eye, frame, rays, 4, 4).estimate()
+        truth = hard if soft is None else soft.visibility
+        seen = seen_points(eye)
+
+        def run(algorithm: ShadowAlgorithm):
+            state = algorithm.build(eye, frame, rays)
+            return seen.image(algorithm.visibility(state, seen.points))
+
+        flat = UniformShadowMap(self.resolution)
+        soft_ones = soft_methods(decision, self.resolution)
+        (planned,) = soft_ones or [flat]
+        everything = AccumulatedShadowMap(self.resolution, EVERYTHING)
+        calls = {"planned": planned, "everything": everything}
+        turns = in_turns({name: (lambda a=a: timed(lambda: run(a))) for name, a in calls.items()},
+                         self.rounds)  # fmt: skip
+        images = {name: np.asarray(found[-1][0]) for name, found in turns.items()}
+        seconds = {name: [run[1] for run in found] for name, found in turns.items()}
+
+        def off(image: np.ndarray) -> float:
+            return float(known.share * np.abs(image - truth)[eye.valid].mean())
+
+        self.record.record.setdefault("plans", []).append({
+            "subject": subject.name,
+            "light": light.name,
+            "kind": decision.kind,
+            "method": planned.name,
+            "softened": bool(soft_ones),
+            "reason": decision.reason,
+            "widths_px": [decision.width_p50, decision.width_p95],
+            "hard_edges_predicted": known.soft_error if frame.area is not None else 0.0,
+            "hard_edges_measured": off(hard),
+            "truth_error": None if soft is None else float(soft.error[eye.valid].mean()),
+            "planned_error": off(images["planned"]),
+            "everything_error": off(images["everything"]),
+            "planned_seconds": median_of(seconds["planned"]).value,
+            "everything_seconds": median_of(seconds["everything"]).value,
+            "everything_ratio": ratio_of(seconds["everything"], seconds["planned"]).record(),
+        })  # fmt: skip
+
+    def free(self) -> None:
+        """A run of a point light, with soft families and without, in turns."""
+        options = RunOptions(scene="letter_f", size=(256, 256), memory_mb=4.0, repeats=1)
+
+        def run(families: Mapping) -> float:
+            before = dict(ALGORITHMS)
+            ALGORITHMS.clear()
+            ALGORITHMS.update(families)
+            try:
+                return timed(lambda: measure_scene(options) and None)[1]
+            finally:
+                ALGORITHMS.clear()
+                ALGORITHMS.update(before)
+
+        every = dict(ALGORITHMS)
+        hard = {name: kind for name, kind in every.items() if name not in (*SOFT, *FILTERS)}
+        turns = in_turns(
+            {"with": lambda: run(every), "without": lambda: run(hard)}, self.pairs, warm_ups=2
+        )
+        with counted_traces() as traces:
+            run(every)
+        self.record.record["free"] = {
+            "ratio": ratio_of(turns["with"], turns["without"]).record(),
+            "seconds": median_of(turns["with"]).value,
+            "traces": len(list(traces)),
+        }
+
+
+def bounds(record: Mapping) -> list[Bound]:
+    """The requirements; smaller is better."""
+    plans = record.get("plans", [])
+    skipped = [one for one in plans if not one["softened"]]
+    free = record.get("free")
+    return [
+        Bound(
+            "not missed",
+            "what skipped penumbrae would change, part of the light, largest",
+            max((one["hard_edges_measured"] for one in skipped), default=None),
+            TOLERANCE,
+        ),
+        Bound(
+            "better than hard",
+            "error of planned soft methods / of hard edges, largest",
+            max(
+                (one["planned_error"] / one["hard_edges_measured"]
+                 for one in plans if one["softened"]),
+                default=None,
+            ),
+            1.0,
+        ),
+        Bound(
+            "free",
+            "time of a point light's run with soft families / without, off 1",
+            None if free is None else abs(free["ratio"]["median"] - 1),
+            0.02,
+        ),
+        Bound(
+            "traces",
+            "functions traced by such a run after the first",
+            None if free is None else free["traces"],
+            0.0,
+        ),
+    ]  # fmt: skip
+
+
+def document(record: Mapping) -> str:
+    """The record as Markdown."""
+    lines = [f"# {record['title']}", "", f"`{record['command']}`", "", "## Bounds", ""]
+    lines += ["| requirement | measured | bound | |", "| --- | ---: | ---: | --- |"]
+    for bound in record["bounds"]:
+        measured = "-" if bound["measured"] is None else f"{bound['measured']:.3g}"
+        lines.append(
+            f"| {bound['name']}: {bound['what']} | {measured} | {bound['limit']:.3g} | "
+            f"{bound['verdict']} |"
+        )
+    lines += ["", "## Plans, and what they leave out", ""]
+    lines += [
+        "Errors are parts of the light in per cent, mean over the picture, against 64 rays a pixel.",
+        "",
+        "| scene | plan | penumbrae, px | hard edges: predicted, measured | planned: error, ms | "
+        f"{EVERYTHING} x {EVERYTHING} samples: error, ms, times as long |",
+        "| --- | --- | --- | --- | --- | --- |",
+    ]
+    for one in record.get("plans", []):
+        p50, p95 = one["widths_px"]
+        lines.append(
+            f"| {one['subject']} | {one['kind']}, {one['method']} | {p50:.2g}, {p95:.2g} | "
+            f"{100 * one['hard_edges_predicted']:.3g}, {100 * one['hard_edges_measured']:.3g} | "
+            f"{100 * one['planned_error']:.3g}, {1e3 * one['planned_seconds']:.3g} | "
+            f"{100 * one['everything_error']:.3g}, {1e3 * one['everything_seconds']:.3g}, "
+            f"{one['everything_ratio']['median']:.2f} |"
+        )
+    return "\n".join(lines) + "\n"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--smoke", action="store_true", help="tiny sizes, under a minute")
+    parser.add_argument("--out", type=Path, default=Path("out/effects"))
+    arguments = parser.parse_args()
+    enable_compilation_cache()
+    keep_freed_memory()
+    study = Study(arguments.out, arguments.smoke)
+    study.record.run(study.steps())
+    print((arguments.out / "report.md").read_text(encoding="utf-8"))
+
+
+if __name__ == "__main__":
+    main()
