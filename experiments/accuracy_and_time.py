@@ -123,6 +123,7 @@ class Study:
         steps = {"command": self.command}
         for name in self.scenes:
             steps[name] = lambda name=name: self.scene(name)
+        steps["replays"] = self.replayed
         return steps
 
     def command(self) -> None:
@@ -149,8 +150,6 @@ class Study:
             self.record.write()
         if name in RANKED and space is not None:
             self.ranked(subject, space, ledger)
-        if name == "paper_room":
-            self.replayed(subject, ledger)
         gc.collect()
 
     def tuned(self, subject: Subject, price: float, ledger: Ledger):
@@ -226,9 +225,11 @@ class Study:
         }
         self.record.record.setdefault("gradient", {})[subject.name] = deviation
 
-    def replayed(self, subject: Subject, ledger: Ledger) -> None:
+    def replayed(self) -> None:
         """The same search again and again from its record: what is chosen, and what is measured."""
-        chosen, made = [], 0
+        subject = subject_of(self.scenes[0], self.size)
+        assert subject is not None
+        ledger, chosen, made = Ledger(self.folder / f"{subject.name}.jsonl"), [], 0
         for _ in self.record.bar(range(3 if self.smoke else 20), "replays"):
             before = ledger.added
             result = tuner(subject, PRICES[1], ledger).run()

@@ -226,7 +226,7 @@ def document(record: Mapping) -> str:
         )
     lines += ["", "## Plans, and what they leave out", ""]
     lines += [
-        "Errors are parts of the light in per cent, mean over the picture, against 64 rays a pixel.",
+        "Errors are parts of the light in per cent, mean over the picture, beside 64 rays a pixel.",
         "",
         "| scene | plan | penumbrae, px | hard edges: predicted, measured | planned: error, ms | "
         f"{EVERYTHING} x {EVERYTHING} samples: error, ms, times as long |",
