@@ -1,6 +1,7 @@
 """Plans for scenes that are loaded: what a view calls for, asked of the renderer's scene."""
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 
 import numpy as np
 
@@ -86,12 +87,13 @@ def asked_of(
 
 
 def _light(scene: Scene, name: str, eye) -> LightAsked:
-    spec = scene.light(name)
+    spec, spread = scene.light(name), scene.lights[name].spread
     try:
         frame, why = scene.light_frame(eye, name), ""
     except UseError as problem:
         frame, why = None, str(problem)
-    return LightAsked(spec, frame, lambda: scene.light_rays(name), why, stand_in(scene, spec.name))
+    rays = partial(scene.light_rays, name)
+    return LightAsked(spec, frame, rays, why, stand_in(scene, spec.name), spread)
 
 
 def _lone_convex(scene: Scene, eye: np.ndarray) -> bool:

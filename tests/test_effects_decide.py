@@ -209,8 +209,16 @@ def test_other_reasons():
     outcome = decide_light(replace(LAMP, faces=5, facing=0.75))
     assert the_decision(outcome).geometry == "5 of 6 cube faces"
     assert [item.effect for item in outcome.skipped] == ["cube faces", "pixels turned away"]
-    outcome = decide_light(replace(LAMP, solid_angle=1.1 * VERY_LARGE_SR))
-    assert [item.effect for item in outcome.not_simulated] == ["very large light"]
+    for change, effect in (
+        ({"solid_angle": 1.1 * VERY_LARGE_SR}, "very large light"),
+        ({"spread": 0.5}, "textured light"),
+        ({"spread": None}, "textured light"),
+    ):
+        numbers = replace(LAMP, **change)
+        (missing,) = decide_light(numbers).not_simulated
+        assert missing.effect == effect and 0 < missing.error <= LAMP.soft_error
+        little = decide_light(numbers, 2 * missing.error)
+        assert not little.not_simulated and effect in [item.effect for item in little.skipped]
     with pytest.raises(UseError, match="the tolerance is -1"):
         decide_light(LAMP, -1.0)
     decision = of(wide(0.5), rates=Rates(texel=1.0, tap=0.0))

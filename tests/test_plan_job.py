@@ -229,6 +229,31 @@ def test_a_soft_light_of_a_mitsuba_scene():
 
 
 @pytest.mark.mitsuba
+def test_a_light_with_a_texture_is_named():
+    """Half of it dark: it varies by as much as it is bright. Of a chessboard the scene does not
+    tell how bright it is, and that is said."""
+    import asmjax
+    from asmjax.render.variant import activate
+
+    mi = activate()
+    half = np.zeros((4, 4, 1), np.float32)
+    half[:2] = 2
+    bitmap = {"type": "bitmap", "bitmap": mi.Bitmap(half), "raw": True, "filter_type": "nearest"}
+    down = mi.ScalarTransform4f().translate([0, 0, 3]).rotate([1, 0, 0], 180).scale(0.3)
+    for radiance, spread in ((bitmap, 1.0), ({"type": "checkerboard"}, None)):
+        emitter = {"type": "area", "radiance": radiance, "id": "lamp"}
+        lamp = {"type": "rectangle", "to_world": down, "bsdf": GREY, "emitter": emitter}
+        scene = asmjax.load_scene(room(mi, {"bsdf": GREY}, lamp))
+        plan = asmjax.plan_effects(scene)
+        (numbers,), (missing,) = plan.numbers, plan.not_simulated
+        assert numbers.spread == (None if spread is None else pytest.approx(spread, rel=1e-3))
+        assert missing.effect == "textured light"
+        assert missing.error == pytest.approx(numbers.soft_error, rel=1e-3)
+        assert any("taken for 1" in note for note in plan.notes) is (spread is None)
+        assert scene.light().intensity == pytest.approx(1.0, rel=1e-3)
+
+
+@pytest.mark.mitsuba
 def test_what_only_a_point_stands_for_is_said():
     """A cube that emits is a point; its penumbrae are missing, about those of a sphere as large. A
     projector is left out, and named."""

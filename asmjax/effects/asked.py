@@ -22,6 +22,8 @@ class LightAsked:
         why: there is no frame.
         stand_in: of a lamp that is represented by a point, a light of about its size; None of all
             others.
+        spread: of its radiance over it, standard deviation in parts of the mean; None where nobody
+            knows how bright it is, and 1 is taken.
     """
 
     spec: LightSpec
@@ -29,6 +31,7 @@ class LightAsked:
     rays: Callable[[], LightRays]
     why: str = ""
     stand_in: AreaLight | None = None
+    spread: float | None = 0.0
 
 
 @dataclass(frozen=True, eq=False)

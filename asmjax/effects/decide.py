@@ -349,7 +349,8 @@ _WITHOUT_SIZE = {
     "point": "a point has no penumbra",
     "spot": "the soft rim of a spot's cone is no penumbra",
     "directional": "parallel light has no penumbra",
-    "lamp": "its shape is no rectangle, disk or sphere: a point stands for it, without penumbrae",
+    "lamp": "a point stands for it, without penumbrae, as it is no rectangle, disk or sphere that "
+    "emits outwards",
 }
 
 
@@ -369,22 +370,32 @@ def _transmittance(numbers: LightNumbers, tolerance: float) -> tuple[Decision, .
 
 def _missing(numbers: LightNumbers, tolerance: float) -> list[NotSimulated]:
     """What no method has."""
-    missing = []
-    for effect, error, why in (
+    return [
+        NotSimulated(numbers.name, effect, why, error)
+        for effect, error, why in _nobody_has(numbers)
+        if error > 0 and error >= tolerance
+    ]
+
+
+def _nobody_has(numbers: LightNumbers) -> list[tuple[str, float, str]]:
+    """Effects that no method has, with what they change at most, and why."""
+    varies = (
+        "its radiance is of a kind that does not tell how it varies"
+        if numbers.spread is None
+        else f"its radiance varies by {percent(numbers.spread)} over it (standard deviation)"
+    )
+    large = numbers.solid_angle > VERY_LARGE_SR
+    return [
         ("transmittance", numbers.transmitted, "no method lets light through: shadows too dark"),
         ("refraction", numbers.refracted, "refractive casters are opaque: no caustics (at most)"),
-    ):
-        if error > 0 and error >= tolerance:
-            missing.append(NotSimulated(numbers.name, effect, why, error))
-    if numbers.solid_angle > VERY_LARGE_SR:
-        why = (
+        ("textured light", numbers.texture_error, f"{varies}, and methods take it for even"),
+        (
+            "very large light",
+            numbers.large_error if large else 0.0,
             f"{numbers.solid_angle:.2g} steradians of light: visibility is that of its area, not "
-            "of what each part of it brings"
-        )
-        # A3: both agree where a penumbra begins and ends, and differ by the cosines between.
-        error = numbers.soft_error * min(1.0, numbers.solid_angle / (2 * math.pi))
-        missing.append(NotSimulated(numbers.name, "very large light", why, error))
-    return missing
+            "of what each part of it brings",
+        ),
+    ]
 
 
 def _small(numbers: LightNumbers, tolerance: float) -> list[Skipped]:
@@ -398,10 +409,7 @@ def _small(numbers: LightNumbers, tolerance: float) -> list[Skipped]:
             f"{percent(1 - numbers.facing)} of the pixels face away or are out of reach: no look-up"
         )
         skipped.append(Skipped(numbers.name, "pixels turned away", why))
-    for effect, error in (
-        ("transmittance", numbers.transmitted),
-        ("refraction", numbers.refracted),
-    ):
+    for effect, error, _ in _nobody_has(numbers):
         if 0 < error < tolerance:
             why = f"it is {percent(error)} of the light, below the tolerance"
             skipped.append(Skipped(numbers.name, effect, why, error))

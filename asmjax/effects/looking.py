@@ -55,6 +55,7 @@ def look_at_light(
         solid_angle=probe.solid_angle(frame, paths),
         lone_convex=asked.lone_convex,
         point_for_lamp=light.stand_in is not None,
+        spread=light.spread,
     )
     seen = LightSeen(spec.name, paths.facing.reshape(size), paths.cosine.reshape(size))
     asked_for = force in ("hard", "soft")

@@ -71,9 +71,8 @@ def plan_lights(
         if light.frame is None:
             outcome = _because(outcome, light.why)
         outcomes.append(outcome)
-        notes += _if_it_were_the_sun(known, tolerance) + _straddled(
-            known, paths[k], parts[k], tolerance
-        )
+        notes += _unknown_brightness(known) + _if_it_were_the_sun(known, tolerance)
+        notes += _straddled(known, paths[k], parts[k], tolerance)
         numbers.append(known)
         seen.append(looked)
     return Plan(
@@ -99,6 +98,12 @@ def plan_lights(
         notes=tuple(notes),
         rates=rates,
     )
+
+
+def _unknown_brightness(known: LightNumbers) -> list[str]:
+    if known.spread is not None:
+        return []
+    return [f"how bright '{known.name}' is cannot be read from the scene, and is taken for 1"]
 
 
 def _if_it_were_the_sun(known: LightNumbers, tolerance: float) -> list[str]:

@@ -19,6 +19,8 @@ class LightNumbers:
         shape: of its area, "rectangle", "disk", "sphere" or "sun"; None for a light without size.
         point_for_lamp: whether it is a point in place of a lamp of another shape, whose penumbrae
             are estimated as those of a sphere.
+        spread: of its radiance over it, standard deviation in parts of the mean; None where its
+            brightness is not known and taken for 1.
         share: part of the light that comes from here.
         facing: part of the pixels that it, or a part of it, shines on.
         straddled: part of the pixels in whose plane the light stands: a part of it is behind.
@@ -44,6 +46,7 @@ class LightNumbers:
     kind: str
     shape: str | None = None
     point_for_lamp: bool = False
+    spread: float | None = 0.0
     share: float = 1.0
     facing: float = 1.0
     straddled: float = 0.0
@@ -73,6 +76,20 @@ class LightNumbers:
         """
         off = 0.25 if self.shape == "rectangle" else 2 / (3 * math.pi)
         return off * self.contrast * self.edge_px * self.width_mean / max(self.pixels, 1)
+
+    @property
+    def texture_error(self) -> float:
+        """What an even radiance in place of its own changes in penumbrae, part of the light, at
+        most: all of them where that is not known."""
+        if self.shape is None:
+            return 0.0
+        return self.soft_error * (1.0 if self.spread is None else min(self.spread, 1.0))
+
+    @property
+    def large_error(self) -> float:
+        """What visibility by area changes of a light that is very large, part of the light: both
+        ways agree where a penumbra begins and ends, and differ by the cosines between (A3)."""
+        return self.soft_error * min(1.0, self.solid_angle / (2 * math.pi))
 
     @property
     def shade(self) -> float:

@@ -14,7 +14,8 @@ FLAT = 1e-5
 
 def area_of_shape(mi, shape, working: WorkingFrame) -> AreaLight | None:
     """The light, world, that emits from a Mitsuba shape in `working`: a rectangle, a disk, a
-    sphere, or a mesh of two triangles that are a parallelogram; None for others."""
+    sphere that emits outwards, or a mesh of two triangles that are a parallelogram; None for the
+    others."""
     kind = shape.class_name()
     if kind in ("Rectangle", "Disk", "Sphere"):
         matrix = np.array(mi.traverse(shape)["to_world"].matrix, np.float64).reshape(4, 4)
@@ -30,10 +31,13 @@ def area_of_shape(mi, shape, working: WorkingFrame) -> AreaLight | None:
     half_u, half_v = half_u / working.scale, half_v / working.scale
     if not _has_area(kind, half_u, half_v):
         return None
-    if kind == "Sphere":
-        return sphere_light(centre, float(np.linalg.norm(half_u)))
     # Flipped normals and mirroring transforms turn the side that emits.
-    front = np.array(shape.sample_position(0.0, mi.Point2f(0.5, 0.5)).n, np.float64).ravel()
+    sample = shape.sample_position(0.0, mi.Point2f(0.5, 0.5))
+    front, at = (np.array(vector, np.float64).reshape(3, 1) for vector in (sample.n, sample.p))
+    front = front[:, 0]
+    if kind == "Sphere":
+        outwards = front @ (working.outward(at)[:, 0] - centre) > 0
+        return sphere_light(centre, float(np.linalg.norm(half_u))) if outwards else None
     if front @ np.cross(half_u, half_v) < 0:
         half_v = -half_v
     return (disk_light if kind == "Disk" else rectangle_light)(centre, half_u, half_v)
@@ -64,15 +68,17 @@ def _parallelogram(mesh) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
     return np.add(a, c) / 2, (b - a) / 2, (d - a) / 2
 
 
-def luminance(params, name: str) -> float:
-    """Of the colour or texture `name` (its mean) among an emitter's parameters; 1 where it is of a
-    kind that has no value."""
+def brightness(params, name: str) -> tuple[float, float | None]:
+    """Luminance of the colour or texture `name` (its mean) among an emitter's parameters, and how
+    much that varies from place to place: the standard deviation of a bitmap's texels in parts of
+    their mean. 1 and None where it is of a kind that tells neither."""
     if f"{name}.value" in params:
-        value = np.array(params[f"{name}.value"], np.float64).ravel()
+        value = np.array(params[f"{name}.value"], np.float64).reshape(1, -1)
     elif f"{name}.data" in params:
         data = np.array(params[f"{name}.data"], np.float64)
-        value = data.reshape(-1, data.shape[-1] if data.ndim == 3 else 1).mean(axis=0)
+        value = data.reshape(-1, data.shape[-1] if data.ndim == 3 else 1)
     else:
-        return 1.0
-    mean = LUMINANCE @ value if value.size == 3 else value.mean()
-    return max(float(mean), 0.0)
+        return 1.0, None
+    texels = value @ LUMINANCE if value.shape[1] == 3 else value.mean(axis=1)
+    mean = max(float(texels.mean()), 0.0)
+    return mean, float(texels.std() / mean) if mean > 0 else 0.0

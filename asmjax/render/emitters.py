@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from asmjax.render.area_emitters import area_of_shape, luminance
+from asmjax.render.area_emitters import area_of_shape, brightness
 from asmjax.render.geometry import box_of
 from asmjax.render.sensors import plugin_names
 from asmjax.render.sun import read_sun
@@ -17,11 +17,14 @@ from asmjax.scene.spec import LightSpec
 class SceneLight:
     """A light, and the shape that carries it: a lamp does not shade its own light.
 
-    `shape` is the dense shape id of an area emitter, None for other lights.
+    `shape` is the dense shape id of an area emitter, None for other lights. `spread` is how much
+    its radiance varies over it, as `brightness` has it; None where brightness is not known and
+    taken for 1.
     """
 
     spec: LightSpec
     shape: int | None = None
+    spread: float | None = 0.0
 
 
 def read_emitters(
@@ -44,11 +47,12 @@ def read_emitters(
             said_at = words.get("to_world", np.zeros((4, 4)))[:3, 3]
             at = said_at if "to_world" in words else words.get("position", params["position"])
             position = _vector(at)
-            bright = luminance(params, "intensity")
+            bright, spread = brightness(params, "intensity")
             light = LightSpec(name, "point", position=position, intensity=bright)
-            lights[name] = SceneLight(light)
+            lights[name] = SceneLight(light, spread=spread)
         elif kind == "SpotLight":
             matrix = _matrix(params, words)
+            bright, spread = brightness(params, "intensity")
             lights[name] = SceneLight(
                 LightSpec(
                     name,
@@ -56,14 +60,15 @@ def read_emitters(
                     position=_vector(matrix[:3, 3]),
                     direction=_vector(matrix[:3, 2]),
                     cutoff_deg=float(np.array(params["cutoff_angle"]).ravel()[0]),
-                    intensity=luminance(params, "intensity"),
-                )
+                    intensity=bright,
+                ),
+                spread=spread,
             )
         elif kind == "DirectionalEmitter":
             direction = _vector(_matrix(params, words)[:3, 2])
-            bright = luminance(params, "irradiance")
+            bright, spread = brightness(params, "irradiance")
             light = LightSpec(name, "directional", direction=direction, intensity=bright)
-            lights[name] = SceneLight(light)
+            lights[name] = SceneLight(light, spread=spread)
         elif kind == "AreaLight":
             shape = emitter.get_shape()
             centre = _vector(box_of(shape.bbox(), working).mean(axis=1))
@@ -73,18 +78,21 @@ def read_emitters(
                 f"light '{name}' is an area emitter; hard methods take {at}"
                 if area is not None
                 else f"light '{name}' is an area emitter on a shape that is no rectangle, disk or "
-                f"sphere ({shape.class_name()}); represented by {at}, which casts hard shadows"
+                f"sphere that emits outwards ({shape.class_name()}); represented by {at}, which "
+                "casts hard shadows"
             )
+            bright, spread = brightness(params, "radiance")
             light = LightSpec(
                 name,
                 "point",
                 position=centre,
                 area=None if area is None else area.at(centre),
-                intensity=luminance(params, "radiance"),
+                intensity=bright,
             )
             lights[name] = SceneLight(
                 light,
                 shape=next(i for i, s in enumerate(shapes) if s == shape),
+                spread=spread,
             )
         elif kind == "SunskyEmitter" and (sun := read_sun(mi, name, emitter, words)):
             notices.append(

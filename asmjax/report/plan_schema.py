@@ -51,6 +51,9 @@ _NUMBERS = {
     "kind": Key("text", "point, spot or directional"),
     "shape": Key("text", "rectangle, disk, sphere or sun; null without size", nullable=True),
     "point_for_lamp": Key("flag", "whether a point stands for a lamp of another shape"),
+    "spread": Key(
+        "amount", "of its radiance over it, part of the mean; null where unknown", nullable=True
+    ),
     "share": Key("fraction", "part of the light that comes from here"),
     "facing": Key("fraction", "part of the pixels that it, or a part of it, shines on"),
     "straddled": Key("fraction", "part of the pixels in whose plane it stands"),

@@ -67,6 +67,8 @@ def test_spheres_and_meshes():
     ball = {"type": "sphere", "center": [0, 0, 4], "radius": 0.25, "emitter": {"type": "area"}}
     area = only(load_scene({**under(mi), "ball": ball})).area
     assert area is not None and area.shape == "sphere" and area.radius == pytest.approx(0.25)
+    inside = load_scene({**under(mi), "ball": ball | {"flip_normals": True}})
+    assert only(inside).area is None and "sphere that emits outwards" in inside.notices[0]
     cube = emitting("cube", mi.ScalarTransform4f().translate([0, 0, 5]).scale(0.2))
     scene = load_scene(under(mi, lamp=cube))
     assert only(scene).area is None
