@@ -231,7 +231,10 @@ def test_a_lamp_with_a_size_is_soft_unless_hard_is_asked_for(force, softly, tmp_
         return
     assert decision["kind"] == "soft" and report["truth"]["samples"] == 64
     assert 0 < report["truth"]["standard_error"] < 0.02
-    uniform, _, soft, rays = report["methods"]
+    uniform, _, soft, single, rays = report["methods"]
+    assert (single["name"], rays["name"]) == ("rays-1", "rays-64")
+    assert any(line.startswith("rays-64 is truth") for line in report["notices"])
+    assert single["error"]["soft"]["mae"] == pytest.approx(uniform["error"]["soft"]["mae"], rel=0.2)
     assert soft["name"].startswith(decision["methods"][-1])
     assert soft["error"]["soft"]["mae"] < 0.5 * uniform["error"]["soft"]["mae"]
     assert uniform["error"]["soft"]["penumbra_width_px"] < -1

@@ -1,4 +1,5 @@
-"""What a plan skips is free: a point light casts and compiles as if softness did not exist."""
+"""What a plan decides becomes maps, and what it leaves out is said; `test_first_run` has what that
+costs."""
 
 import json
 from dataclasses import replace
@@ -12,67 +13,17 @@ from test_main_job import scene_file
 from asmjax import cli
 from asmjax.effects import Decision, plan_lights
 from asmjax.effects.methods import soft_methods, wants_softness
-from asmjax.experiment.traces import counted_traces
-from asmjax.main_job import measure_scene
-from asmjax.options import RunOptions
-from asmjax.render.caster import MitsubaRays
-from asmjax.render.soft_truth import SoftShadowRays
 from asmjax.scene.analytic_rays import AnalyticRays, analytic_eye, scene_bounds
 from asmjax.scene.analytic_scenes import a4_disc_light, a5_half_plane
 from asmjax.scene.lights import light_frame
 from asmjax.scene.spec import ViewSpec
 from asmjax.shadow import (
-    ALGORITHMS,
     AccumulatedShadowMap,
     FilteredShadowMap,
     MomentShadowMap,
     PCSSShadowMap,
 )
-from asmjax.shadow.registry import FILTERS, MAPS, SOFT
-
-OPTIONS = RunOptions(scene="letter_f", size=(48, 32), memory_mb=0.25, repeats=1)
-
-
-class Counting:
-    """Rays of a run, by what casts them."""
-
-    def __init__(self, patch: pytest.MonkeyPatch):
-        self.rays: dict[str, int] = {}
-        for name in ("light_buffer", "closest", "occluded", "prepare_occlusion", "first_surfaces"):
-            patch.setattr(MitsubaRays, name, self._counted(name, getattr(MitsubaRays, name)))
-
-    def _counted(self, name, before):
-        def counted(rays, *args, **kwargs):
-            size = args[1].texels if name == "light_buffer" else args[0].shape[1]
-            self.rays[name] = self.rays.get(name, 0) + size
-            return before(rays, *args, **kwargs)
-
-        return counted
-
-
-@pytest.mark.mitsuba
-def test_a_point_light_pays_nothing_for_softness(monkeypatch):
-    """Rays and traces with the soft and filtered families, and without any of them registered."""
-    measure_scene(OPTIONS)
-    counts = []
-    for without in (False, True):
-        with pytest.MonkeyPatch.context() as patch:
-            if without:
-                for family in (*SOFT, *FILTERS):
-                    patch.delitem(ALGORITHMS, family)
-            patch.setattr(SoftShadowRays, "__init__", forbidden)
-            counting = Counting(patch)
-            with counted_traces() as traces:
-                result = measure_scene(OPTIONS)
-            counts.append((counting.rays, list(traces), [one.name for one in result.methods]))
-    assert counts[0] == counts[1]
-    rays, traces, names = counts[0]
-    assert rays["light_buffer"] > 0 and rays["prepare_occlusion"] > 0 and traces == []
-    assert [name.split("-")[0] for name in names] == ["uniform", "adaptive", "rays"]
-
-
-def forbidden(self, *args):
-    raise AssertionError("soft truth of a light without a size")
+from asmjax.shadow.registry import MAPS, SOFT
 
 
 def decided(*methods: str, **settings: float) -> Decision:

@@ -56,8 +56,8 @@ class AccumulatedShadowMap(ShadowAlgorithm[AccumulatedState]):
         samples: points of a light with a size, a side of the grid.
         compare: what is stored and compared: "depth", "id", or "both".
         bias: relative depth bias of the comparison.
-        keep: whether `update` keeps the maps while light and casters rest and every sample's frame
-            serves what the view sees.
+        keep: whether `update` keeps the maps while light and casters rest and the samples' frames
+            hold what the view sees.
     """
 
     resolution: int = 2048
