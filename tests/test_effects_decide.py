@@ -27,12 +27,11 @@ from asmjax.effects.decide import (
     VERY_LARGE_SR,
     WIDE,
 )
-from asmjax.effects.looking import SUN_DEG
 from asmjax.effects.probe import light_paths
 from asmjax.effects.widths import CLEAR, RAYS, TEXELS, _largest_gap
 from asmjax.errors import UseError
 from asmjax.experiment.traces import counted_traces
-from asmjax.geometry import sphere_light, sun_light
+from asmjax.geometry import SUN_DEG, sphere_light, sun_light
 from asmjax.scene.analytic_rays import AnalyticRays, analytic_eye
 from asmjax.scene.analytic_scenes import (
     a1_square,

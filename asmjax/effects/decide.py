@@ -95,9 +95,9 @@ def decide_light(
         math.isfinite(tolerance) and tolerance >= 0,
         f"the tolerance is {tolerance}; allowed: a finite part of the light, 0 or more.",
     )
-    left_out = _left_out(numbers, tolerance, force)
-    if left_out is not None:
-        return left_out
+    needless = left_out(numbers, tolerance, force)
+    if needless is not None:
+        return needless
     chosen = _Choice(numbers, tolerance, force, available, rates or Rates()).outcome()
     return Outcome(
         (*chosen.decisions, *_transmittance(numbers, tolerance)),
@@ -106,7 +106,7 @@ def decide_light(
     )
 
 
-def _left_out(numbers: LightNumbers, tolerance: float, force: str | None) -> Outcome | None:
+def left_out(numbers: LightNumbers, tolerance: float, force: str | None) -> Outcome | None:
     """The outcome for a light whose shadow nobody looks for; None where it is needed."""
     asked_for = force in ("hard", "soft")
     if force == "none":

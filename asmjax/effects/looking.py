@@ -12,12 +12,10 @@ import numpy as np
 from asmjax.buffers import LightRays
 from asmjax.effects import probe, widths
 from asmjax.effects.asked import LightAsked, SceneAsked
+from asmjax.effects.decide import left_out
 from asmjax.effects.plan import LightSeen
 from asmjax.effects.records import LightNumbers
-from asmjax.geometry import AreaLight, LightFrame, sun_light
-
-SUN_DEG = 0.5338
-"""Angular diameter of the sun, as Mitsuba's sunsky has it."""
+from asmjax.geometry import SUN_DEG, AreaLight, LightFrame, sun_light
 
 
 def look_at_light(
@@ -58,10 +56,8 @@ def look_at_light(
         spread=light.spread,
     )
     seen = LightSeen(spec.name, paths.facing.reshape(size), paths.cosine.reshape(size))
-    asked_for = force in ("hard", "soft")
-    needless = known.share < tolerance or known.lone_convex
     # Where its centre shines on nothing there is no hard shadow to look at.
-    if force == "none" or (not asked_for and needless) or not paths.facing.any():
+    if left_out(known, tolerance, force) is not None or not paths.facing.any():
         return known, seen
     stand_in = light.stand_in
     if not frame.perspective:

@@ -14,7 +14,7 @@ from asmjax.effects.decide import (
     check_force,
     decide_light,
 )
-from asmjax.effects.looking import SUN_DEG, look_at_light
+from asmjax.effects.looking import look_at_light
 from asmjax.effects.plan import Plan
 from asmjax.effects.records import (
     LightNumbers,
@@ -25,6 +25,7 @@ from asmjax.effects.records import (
     percent,
     pixels,
 )
+from asmjax.geometry import SUN_DEG
 
 
 def plan_lights(

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from asmjax.buffers import EyeBuffer, LightRays
-from asmjax.geometry import AreaLight, LightFrame, in_domain
+from asmjax.geometry import AreaLight, LightFrame, bases_along, concentric, in_domain, stratified
 from asmjax.scene.materials import Materials
 from asmjax.scene.spec import LightSpec
 
@@ -25,8 +25,8 @@ NEARLY = 1e-4
 MOST_LAYERS = 16
 """Surfaces that a ray through transmissive ones passes; it is dark behind more."""
 
-SKY_RAYS = 16
-"""Rays to the surroundings from each pixel of the probe."""
+SKY_STRATA = 4
+"""So many squared rays go to the surroundings from each pixel of the probe."""
 
 
 def probe_size(width: int, height: int) -> tuple[int, int]:
@@ -219,36 +219,21 @@ def transmission(
 
 
 def sky_visibility(eye: EyeBuffer, rays: LightRays, seed: int = 0) -> tuple[np.ndarray, int]:
-    """Part (n,) of the surroundings that each pixel sees, weighted by the cosine, from `SKY_RAYS`
-    rays each, and how many were cast; 0 where nothing is seen."""
+    """Part (n,) of the surroundings that each pixel sees, weighted by the cosine, from
+    `SKY_STRATA`^2 rays each, and how many were cast; 0 where nothing is seen."""
     pixels = np.flatnonzero(eye.valid)
-    start = np.random.default_rng(seed).random(2)
-    step = np.arange(SKY_RAYS)[:, None] * np.array([0.7548776662466927, 0.5698402909980532])
-    x, y = ((start + step) % 1.0).T
+    start = np.random.default_rng(seed).random((2, 1))
+    disk = concentric((stratified(SKY_STRATA) + start) % 1.0)
     normal = eye.normal[:, pixels]
-    tangent, bitangent = tangents(normal)
+    tangent, bitangent, _ = bases_along(normal)
     away = NEARLY * eye.depth[pixels]
     origins = eye.world[:, pixels] + away * normal
     seen = np.zeros(pixels.size)
-    for k in range(SKY_RAYS):
+    for a, b in disk.T.tolist():
         # Malley's method: even on the disk is cosine-weighted on the hemisphere.
-        radius, angle = math.sqrt(x[k]), 2 * math.pi * y[k]
-        a, b, c = radius * math.cos(angle), radius * math.sin(angle), math.sqrt(1 - x[k])
-        directions = a * tangent + b * bitangent + c * normal
+        up = math.sqrt(max(1 - a * a - b * b, 0.0))
+        directions = a * tangent + b * bitangent + up * normal
         seen += ~np.asarray(rays.occluded(origins, directions, np.inf))
     result = np.zeros(eye.valid.size)
-    result[pixels] = seen / SKY_RAYS
-    return result, SKY_RAYS * int(pixels.size)
-
-
-def tangents(normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Two unit vectors (3, n) at right angles to unit `normal` (3, n) and each other: the basis of
-    `asmjax.geometry.basis_from_axis`, of many axes."""
-    x, y, z = normal
-    sign = np.copysign(1.0, z)
-    a = -1.0 / (sign + z)
-    b = x * y * a
-    return (
-        np.stack([1.0 + sign * x * x * a, sign * b, -sign * x]),
-        np.stack([b, sign + y * y * a, -y]),
-    )
+    result[pixels] = seen / SKY_STRATA**2
+    return result, SKY_STRATA**2 * int(pixels.size)

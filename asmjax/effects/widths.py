@@ -18,8 +18,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from asmjax.buffers import EyeBuffer, LightRays, whole_image
-from asmjax.effects.probe import HardLook, Paths, tangents
-from asmjax.geometry import AreaLight, LightFrame
+from asmjax.effects.probe import HardLook, Paths
+from asmjax.geometry import AreaLight, LightFrame, bases_along
 from asmjax.metrics import boundary_edges, boundary_length, surface_pairs
 from asmjax.numerics import dot
 
@@ -116,7 +116,7 @@ def light_ellipse(eye: EyeBuffer, area: AreaLight, paths: Paths, scale: float) -
     if area.shape == "sphere":
         radius = float(np.linalg.norm(area.half_u))
         # A sphere shows the same disk to everybody.
-        axes = [radius * axis for axis in tangents(unit)]
+        axes = [radius * axis for axis in bases_along(unit)[:2]]
     else:
         axes = [np.broadcast_to(half[:, None], unit.shape) for half in (area.half_u, area.half_v)]
     steep = np.maximum(paths.cosine, GRAZING)

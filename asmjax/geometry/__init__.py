@@ -13,15 +13,17 @@
 """
 
 from asmjax.geometry.area_light import (
+    SUN_DEG,
     AreaLight,
     AreaShape,
+    concentric,
     disk_light,
     rectangle_light,
     sphere_light,
     stratified,
     sun_light,
 )
-from asmjax.geometry.basis import basis_from_axis, unit
+from asmjax.geometry.basis import bases_along, basis_from_axis, unit
 from asmjax.geometry.camera import Camera, look_at
 from asmjax.geometry.charts import (
     Chart,
@@ -41,13 +43,16 @@ from asmjax.geometry.light_frame import (
 )
 
 __all__ = [
+    "SUN_DEG",
     "AreaLight",
     "AreaShape",
     "Camera",
     "Chart",
     "Charts",
     "LightFrame",
+    "bases_along",
     "basis_from_axis",
+    "concentric",
     "disk_light",
     "fitted_directional_frame",
     "fitted_point_frame",

@@ -9,10 +9,13 @@ import jax.numpy as jnp
 import numpy as np
 
 from asmjax.errors import require
-from asmjax.geometry.basis import basis_from_axis, unit
+from asmjax.geometry.basis import bases_along, basis_from_axis, unit
 from asmjax.numerics import dot
 
 AreaShape = Literal["rectangle", "disk", "sphere", "sun"]
+
+SUN_DEG = 0.5338
+"""Angular diameter of the sun from the earth, as Mitsuba's sunsky has it."""
 
 WIDEST_SUN_DEG = 90.0
 """Angular diameter of the widest sun; a wider light is a sky."""
@@ -220,15 +223,9 @@ def _bases(away: np.ndarray, distance: np.ndarray) -> np.ndarray:
     """(3, 3, n): of each column of `away` (3, n) the two axes across it and the unit one along it,
     as `basis_from_axis`; z where it has no length."""
     nowhere = distance == 0
-    x, y, z = np.where(nowhere, [[0.0], [0.0], [1.0]], away / np.where(nowhere, 1.0, distance))
-    sign = np.copysign(1.0, z)
-    a = -1.0 / (sign + z)
-    b = x * y * a
-    return np.stack([
-        np.stack([1.0 + sign * x * x * a, sign * b, -sign * x]),
-        np.stack([b, sign + y * y * a, -y]),
-        np.stack([x, y, z]),
-    ])  # fmt: skip
+    return bases_along(
+        np.where(nowhere, [[0.0], [0.0], [1.0]], away / np.where(nowhere, 1.0, distance))
+    )
 
 
 def _like(array) -> tuple[ModuleType, Any]:

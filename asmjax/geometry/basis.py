@@ -19,15 +19,21 @@ def unit(v) -> np.ndarray:
 
 
 def basis_from_axis(axis) -> np.ndarray:
-    """Rows `(e_u, e_v, e_w)` of a right-handed orthonormal basis with `e_w` along `axis`.
+    """Rows `(e_u, e_v, e_w)` of a right-handed orthonormal basis with `e_w` along `axis`."""
+    return bases_along(unit(axis))
+
+
+def bases_along(w: np.ndarray) -> np.ndarray:
+    """Bases (3, 3, n) of unit vectors (3, n) float64, or one (3, 3) of one (3,): rows e_u, e_v and
+    `w` itself.
 
     Branchless construction of Duff et al. 2017 ("Building an Orthonormal Basis, Revisited"):
-    the roll depends on the axis alone, and is continuous except where `axis_z` changes sign.
+    the roll depends on the axis alone, and is continuous except where its z changes sign.
     """
-    w = unit(axis)
-    sign = np.copysign(1.0, w[2])
-    a = -1.0 / (sign + w[2])
-    b = w[0] * w[1] * a
-    u = np.array([1.0 + sign * w[0] * w[0] * a, sign * b, -sign * w[0]])
-    v = np.array([b, sign + w[1] * w[1] * a, -w[1]])
+    x, y, z = w
+    sign = np.copysign(1.0, z)
+    a = -1.0 / (sign + z)
+    b = x * y * a
+    u = np.stack([1.0 + sign * x * x * a, sign * b, -sign * x])
+    v = np.stack([b, sign + y * y * a, -y])
     return np.stack([u, v, w])

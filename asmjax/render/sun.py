@@ -4,12 +4,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from asmjax.geometry import sun_light, unit
+from asmjax.geometry import SUN_DEG, sun_light, unit
 from asmjax.render.area_emitters import LUMINANCE
 from asmjax.scene.spec import LightSpec
-
-APERTURE_DEG = 0.5338
-"""Angular diameter of the sun where a scene says none."""
 
 
 def read_sun(mi, name: str, emitter, words: Mapping) -> LightSpec | None:
@@ -25,7 +22,7 @@ def read_sun(mi, name: str, emitter, words: Mapping) -> LightSpec | None:
     params = mi.traverse(emitter)
     # As it was said: the emitter itself holds float32.
     to_sun = unit(np.array(words.get("sun_direction", params["sun_direction"])).ravel())
-    aperture = float(np.radians(words.get("sun_aperture", APERTURE_DEG)))
+    aperture = float(np.radians(words.get("sun_aperture", SUN_DEG)))
     solid_angle = 2 * np.pi * (1 - np.cos(aperture / 2))
     scale = float(np.array(params["sun_scale"]).ravel()[0])
     irradiance = _luminance_from(mi, emitter, to_sun) * solid_angle if scale > 0 else 0.0
