@@ -14,6 +14,9 @@ from asmjax.scene.lights import light_frame
 from asmjax.scene.materials import Materials, Surroundings, opaque_materials
 from asmjax.scene.spec import LightSpec, ViewSpec
 
+CLOSE = 0.05
+"""How near to a threshold a decision must flip: relative."""
+
 
 class CountedRays(LightRays):
     """Passes everything on; counts rays by who asked for them."""
