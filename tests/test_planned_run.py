@@ -33,7 +33,9 @@ def decided(*methods: str, **settings: float) -> Decision:
 def test_decisions_become_algorithms():
     """The families of the registry, with the decision's numbers; hard ones need nothing more."""
     taps = {"blocker_taps": 16.0, "filter_taps": 25.0}
-    assert soft_methods(decided("pcss", **taps), 512) == [PCSSShadowMap(512, 16, 25)]
+    assert soft_methods(decided("pcss", **taps), 512) == [
+        PCSSShadowMap(512, blocker_taps=16, filter_taps=25)
+    ]
     assert soft_methods(decided("moment", **taps), 512) == [MomentShadowMap(512)]
     for width, samples in ((0.0, 8), (1.0, 8), (0.05, 5), (1e-6, 2)):
         sampled = soft_methods(decided("accumulated", samples=8, width_map=width), 512)

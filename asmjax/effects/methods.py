@@ -36,8 +36,12 @@ def _filtered(decision: Decision, resolution: int) -> FilteredShadowMap:
 
 
 def _pcss(decision: Decision, resolution: int) -> PCSSShadowMap:
-    taps = {name: int(decision.settings[name]) for name in ("blocker_taps", "filter_taps")}
-    return PCSSShadowMap(resolution, **taps)
+    settings = decision.settings
+    return PCSSShadowMap(
+        resolution,
+        blocker_taps=int(settings["blocker_taps"]),
+        filter_taps=int(settings["filter_taps"]),
+    )
 
 
 def _moment(decision: Decision, resolution: int) -> MomentShadowMap:
