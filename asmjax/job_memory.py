@@ -38,7 +38,7 @@ ALIASING = Memory(host=24, device=16)
 FIGURES = Memory(host=260)
 """Of a pixel: the images that are drawn, and drawing them."""
 
-SOFT_AIMING = Memory(host=330, renderer=60)
+SOFT_AIMING = Memory(host=230, renderer=40)
 """Of a pixel while the soft truth of a sample is cast: points, normals and origins, a place on the
 light and the way to it in float64, sums of two kinds, a ray."""
 
@@ -46,7 +46,7 @@ SOFT = Memory(host=17)
 """Of a sample: its visibility in soft truth, the standard error, and both on their way to the
 pixel's."""
 
-PROBING = 60 * MEGABYTE * Memory(host=1)
+PROBING = 10 * MEGABYTE * Memory(host=1)
 """Of the plan of one light: pairs of receivers and blockers of a small image."""
 
 PLANNING = 150 * MEGABYTE * Memory(host=1)
