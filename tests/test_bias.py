@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from helpers.effort import each_of
 from helpers.registry import SIBLINGS
 
 from asmjax.experiment.bias import bias_summary, stated_bias
@@ -20,7 +21,7 @@ TEXELS = 4**7
 FLOOR = Rectangle("floor", (0.0, 0.0, 0.0), (3.0, 0.0, 0.0), (0.0, 3.0, 0.0))
 VIEW = ViewSpec("v", (0.4, -2.5, 2.2), (0.1, 0.2, 0.0), fov_x_deg=40.0, width=SIDE, height=SIDE)
 
-each_sibling = pytest.mark.parametrize("sibling", SIBLINGS, ids=lambda s: s.name)
+each_sibling = pytest.mark.parametrize("sibling", each_of(SIBLINGS))
 
 
 def by_depth(algorithm: ShadowAlgorithm) -> ShadowAlgorithm:

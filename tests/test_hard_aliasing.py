@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from helpers.effort import each_of
 from helpers.registry import SIBLINGS
 from helpers.theory import QUICKLY
 from helpers.traced_cases import hard_case
@@ -23,7 +24,7 @@ TEXELS = 4**7
 UNLIT = {"few pixels, one, and none": 1e9, "nothing that the light reaches": 3.0}
 """Cases of views that see nothing, and nothing that is lit, at these severities."""
 
-each_sibling = pytest.mark.parametrize("sibling", SIBLINGS, ids=lambda s: s.name)
+each_sibling = pytest.mark.parametrize("sibling", each_of(SIBLINGS))
 
 
 @functools.cache

@@ -45,9 +45,13 @@ LIGHTS = ("a6_sphere", "a6_sphere_sun")
 """A point light that needs three faces, and parallel rays."""
 
 
+VARIED = ("logarithmic-uniform", "partitioned-warped", "filtered-sixteen", "filtered-original")
+"""Variants that the quick run leaves to the others."""
+
+
 def case_of(sibling, *more):
     """A parameter set of the tests below, its name beginning with the algorithm's."""
-    marks = [pytest.mark.slow] if sibling.name in ALIKE else []
+    marks = [pytest.mark.slow] if sibling.name in (*ALIKE, *VARIED) else []
     return pytest.param(sibling, *more, id="-".join((sibling.name, *more)), marks=marks)
 
 

@@ -6,6 +6,8 @@
 import os
 from typing import TypeVar
 
+import pytest
+
 T = TypeVar("T")
 
 HARD = os.environ.get("ASMJAX_TEST_HARD", "0") not in ("", "0")
@@ -19,6 +21,18 @@ PROFILE = os.environ.get("HYPOTHESIS_PROFILE", "hard" if HARD else "fast")
 ALIKE = ("perspective", "trapezoidal", "logarithmic", "partitioned")
 """Families that the quick run leaves to siblings: maps of one warped chart, as `light-space` is, or
 of several, as `subdivided` and `tuned` are."""
+
+LEFT_OUT = (*ALIKE, "tuned")
+"""The same, and `tuned`, which takes as long as all others to compile: where a family does nothing
+of its own."""
+
+
+def each_of(siblings):
+    """Siblings as parameters of a test, those `LEFT_OUT` marked as slow."""
+    return [
+        pytest.param(s, id=s.name, marks=[pytest.mark.slow] if s.name in LEFT_OUT else [])
+        for s in siblings
+    ]
 
 
 def effort(quick: T, hard: T) -> T:
