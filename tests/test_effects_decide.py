@@ -6,26 +6,10 @@ import numpy as np
 import pytest
 from helpers.plans import asked_about
 
-from asmjax.effects import (
-    Decision,
-    LightNumbers,
-    Outcome,
-    Rates,
-    decide_light,
-    plan_lights,
-)
-from asmjax.effects.decide import (
-    LEAST_UMBRA,
-    MAP_TEXELS,
-    NARROW,
-    SUBPIXEL,
-    VERY_LARGE_SR,
-    WIDE,
-)
+from asmjax.effects import Decision, LightNumbers, Outcome, Rates, decide_light, plan_lights
+from asmjax.effects.decide import LEAST_UMBRA, MAP_TEXELS, NARROW, SUBPIXEL, VERY_LARGE_SR, WIDE
 from asmjax.errors import UseError
-from asmjax.scene.analytic_scenes import (
-    a1_square,
-)
+from asmjax.scene.analytic_scenes import a1_square
 from asmjax.scene.closed_forms import half_plane_disc_visibility
 
 LAMP = LightNumbers(

@@ -7,20 +7,14 @@ import numpy as np
 import pytest
 from helpers.plans import CountedRays, asked_about
 
-from asmjax.effects import (
-    plan_lights,
-    probe_size,
-)
+from asmjax.effects import plan_lights, probe_size
 from asmjax.effects.convex import is_convex
 from asmjax.effects.probe import light_paths
 from asmjax.effects.widths import RAYS, TEXELS
 from asmjax.experiment.traces import counted_traces
 from asmjax.geometry import sphere_light, sun_light
 from asmjax.scene.analytic_rays import AnalyticRays
-from asmjax.scene.analytic_scenes import (
-    a1_square,
-    a2_square_light,
-)
+from asmjax.scene.analytic_scenes import a1_square, a2_square_light
 from asmjax.scene.soft_visibility import LightSamples
 from asmjax.scene.spec import LightSpec, Mesh
 

@@ -7,13 +7,10 @@ import numpy as np
 import pytest
 from helpers.plans import CLOSE, CountedRays, asked_about
 
-from asmjax.effects import (
-    plan_lights,
-)
+from asmjax.effects import plan_lights
+from asmjax.effects.probe import sky_visibility
 from asmjax.scene.analytic_rays import AnalyticRays, analytic_eye
-from asmjax.scene.analytic_scenes import (
-    a1_square,
-)
+from asmjax.scene.analytic_scenes import a1_square, a6_sphere
 from asmjax.scene.materials import (
     Surroundings,
     even_directions,
@@ -104,6 +101,23 @@ def test_a_sky_brings_a_floor_twice_what_it_brings_a_wall():
     sky = Surroundings("sky", directions, np.where(directions[2] > 0, 0.5, 0.0))
     expected = math.pi / 2 * np.array([1.0, 0.5, 0.0])
     np.testing.assert_allclose(sky.irradiance(normal), expected, atol=0.01)
+    up = np.array([[0.6, 0.6], [0.0, 0.0], [0.8, -0.8]])
+    np.testing.assert_array_equal(sky.towards(up), [0.5, 0.0])
+
+
+def test_what_is_dark_is_not_hidden():
+    """A sphere on a floor: of an even room the floor hides half of a wall's light, of a sky that
+    ends at the horizon it hides nothing."""
+    shapes = a6_sphere().spec.shapes
+    (view,) = a6_sphere().spec.views.values()
+    eye, rays = analytic_eye(shapes, view.resized(48, 48)), AnalyticRays(shapes)
+    upright = (eye.shape == 1) & (np.abs(eye.normal[2]) < 0.2)
+    directions = even_directions(4096)
+    sky = Surroundings("sky", directions, np.where(directions[2] > 0, 0.5, 0.0))
+    room, _ = sky_visibility(eye, rays, [even_surroundings("room", 0.5)])
+    dome, _ = sky_visibility(eye, rays, [sky])
+    assert upright.sum() > 5
+    assert room[upright].mean() < 0.7 and dome[upright].mean() > 0.95
 
 
 def test_a_pane_that_turns_transparent_flips_at_its_shadow():

@@ -8,15 +8,8 @@ import numpy as np
 import pytest
 from helpers.plans import CLOSE, CountedRays, asked_about, on_image
 
-from asmjax.effects import (
-    plan_lights,
-)
-from asmjax.effects.decide import (
-    LEAST_UMBRA,
-    NARROW,
-    SUBPIXEL,
-    WIDE,
-)
+from asmjax.effects import plan_lights
+from asmjax.effects.decide import LEAST_UMBRA, NARROW, SUBPIXEL, WIDE
 from asmjax.effects.widths import CLEAR, _largest_gap
 from asmjax.geometry import SUN_DEG, sun_light
 from asmjax.scene.analytic_rays import AnalyticRays

@@ -180,7 +180,7 @@ def _surroundings(
     if share < tolerance:
         why = f"'{names}' brings {percent(share)} of the light, below the tolerance"
         return Outcome((), (Skipped(None, "surroundings", why, share),)), 0
-    open_, cast = probe.sky_visibility(asked.eye, asked.rays, seed)
+    open_, cast = probe.sky_visibility(asked.eye, asked.rays, asked.surroundings, seed)
     error = float((parts[-1] * (1 - open_))[valid].mean())
     if error < tolerance:
         why = f"hardly anything shades '{names}'"

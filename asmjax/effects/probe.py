@@ -7,13 +7,14 @@ caster that is nearest to the light, whose penumbra is the widest.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from asmjax.buffers import EyeBuffer, LightRays
 from asmjax.geometry import AreaLight, LightFrame, bases_along, concentric, in_domain, stratified
-from asmjax.scene.materials import Materials
+from asmjax.scene.materials import Materials, Surroundings
 from asmjax.scene.spec import LightSpec
 
 PIXELS = 4096
@@ -218,9 +219,11 @@ def transmission(
     return Transmission(part, refracted, cast)
 
 
-def sky_visibility(eye: EyeBuffer, rays: LightRays, seed: int = 0) -> tuple[np.ndarray, int]:
-    """Part (n,) of the surroundings that each pixel sees, weighted by the cosine, from
-    `SKY_STRATA`^2 rays each, and how many were cast; 0 where nothing is seen."""
+def sky_visibility(
+    eye: EyeBuffer, rays: LightRays, surroundings: Sequence[Surroundings], seed: int = 0
+) -> tuple[np.ndarray, int]:
+    """Part (n,) of what the surroundings bring that reaches each pixel, from `SKY_STRATA`^2 rays
+    each, and how many were cast; 0 where nothing is seen, 1 where they bring nothing."""
     pixels = np.flatnonzero(eye.valid)
     start = np.random.default_rng(seed).random((2, 1))
     disk = concentric((stratified(SKY_STRATA) + start) % 1.0)
@@ -228,12 +231,14 @@ def sky_visibility(eye: EyeBuffer, rays: LightRays, seed: int = 0) -> tuple[np.n
     tangent, bitangent, _ = bases_along(normal)
     away = NEARLY * eye.depth[pixels]
     origins = eye.world[:, pixels] + away * normal
-    seen = np.zeros(pixels.size)
+    seen, brought = np.zeros(pixels.size), np.zeros(pixels.size)
     for a, b in disk.T.tolist():
         # Malley's method: even on the disk is cosine-weighted on the hemisphere.
         up = math.sqrt(max(1 - a * a - b * b, 0.0))
         directions = a * tangent + b * bitangent + up * normal
-        seen += ~np.asarray(rays.occluded(origins, directions, np.inf))
+        bright = np.sum([item.towards(directions) for item in surroundings], axis=0)
+        seen += bright * ~np.asarray(rays.occluded(origins, directions, np.inf))
+        brought += bright
     result = np.zeros(eye.valid.size)
-    result[pixels] = seen / SKY_STRATA**2
+    result[pixels] = np.where(brought > 0, seen / np.where(brought > 0, brought, 1.0), 1.0)
     return result, SKY_STRATA**2 * int(pixels.size)

@@ -75,6 +75,12 @@ class Surroundings:
         weight = cosine.sum(axis=0)
         return np.pi * (self.luminance @ cosine) / np.where(weight > 0, weight, 1.0)
 
+    def towards(self, directions: np.ndarray) -> np.ndarray:
+        """Luminance (n,) of the radiance from unit vectors (3, n): of what was seen nearest."""
+        if np.ptp(self.luminance) == 0:
+            return np.full(directions.shape[1], self.luminance[0])
+        return self.luminance[(self.directions.T @ directions).argmax(axis=0)]
+
 
 def even_directions(count: int = DIRECTIONS) -> np.ndarray:
     """Unit vectors (3, count) float64 on a spiral that is even on the sphere."""
