@@ -13,7 +13,7 @@ from tqdm import tqdm
 from asmjax.errors import UseError, require, unknown_name
 from asmjax.experiment.bench import Bench
 from asmjax.experiment.ledger import Ledger
-from asmjax.job_memory import trial_stages
+from asmjax.job_memory import held_besides, trial_stages
 from asmjax.memory import check, limit_of
 from asmjax.options import PRICE, TuneOptions
 from asmjax.preparation import (
@@ -167,7 +167,8 @@ class Tuning:
         )
         tuned_on, held_out = chosen_views(scene, options)
         sights = [sight_of(scene, view, 1) for view in (*tuned_on, *held_out)]
-        stages = trial_stages(sights, [chosen.adaptive], 1, evidence=True)
+        lamp = scene.light_rays_memory(options.light)
+        stages = held_besides(lamp, trial_stages(sights, [chosen.adaptive], 1, evidence=True))
         self._forecast = check(stages, limit_of(options.max_memory_mb))
         progress("views")
         self._benches = [bench_of(scene, view, options, 1) for view in tuned_on]

@@ -13,6 +13,7 @@ from asmjax.errors import UseError
 from asmjax.experiment.soft_rays import answers_softly, calls_for_soft_truth, soft_truth
 from asmjax.geometry import sphere_light
 from asmjax.main_job import measure_scene
+from asmjax.memory import Memory
 from asmjax.options import CompareOptions, RunOptions
 from asmjax.render.load import load_scene
 from asmjax.render.moving import MovingShapes
@@ -60,9 +61,9 @@ def test_which_methods_call_for_soft_truth():
 @pytest.mark.mitsuba
 def test_a_settings_file_of_a_soft_method_is_judged_softly(lamp, tmp_path):
     """Though the plan was told to be hard; hard rays stand beside soft truth, and no two methods
-    have one name. The plan's own soft map does not hide the file's."""
-    planned, _, filed = (PCSSShadowMap(64, 32, taps) for taps in (64, 64, 16))
-    assert planned.name != filed.name
+    have one name, though the plan's own soft map may be that of the file."""
+    filed = PCSSShadowMap(256)
+    assert filed.name != PCSSShadowMap(256, filter_taps=16).name
     write_settings(tmp_path / "pcss.toml", filed)
     result = measure_scene(small(lamp, force=("hard",), settings=str(tmp_path / "pcss.toml")))
     assert result.standard_error is not None and result.plan is not None
@@ -75,23 +76,19 @@ def test_a_settings_file_of_a_soft_method_is_judged_softly(lamp, tmp_path):
     assert off[filed.name] < 0.5 * off["uniform-256"] and off["rays-64"] == 0
     # Of the two hard ones: what hard edges are off by.
     assert off["rays-1"] == pytest.approx(off["uniform-256"], rel=0.2)
-    write_settings(tmp_path / "same.toml", PCSSShadowMap(256))
-    result = measure_scene(small(lamp, force=("soft",), settings=str(tmp_path / "same.toml")))
+    result = measure_scene(small(lamp, force=("soft",), settings=str(tmp_path / "pcss.toml")))
     names = [one.name for one in result.methods]
     assert len(set(names)) == len(names) == 6 and names[3].removesuffix("-settings") == names[2]
 
 
 @pytest.mark.mitsuba
-def test_memory_of_soft_truth_is_told_after_the_plan(lamp):
-    """A limit that hard truth keeps to refuses soft truth, in its words, before any ray."""
-    size = (1024, 1024)
-    hard, soft = (small(lamp, force=(force,), size=(96, 64)) for force in ("hard", "soft"))
-    told = [measure_scene(options).memory for options in (hard, soft)]
-    assert told[0] is not None and told[1] is not None
-    assert told[1].peak.bytes >= told[0].peak.bytes
-    big = RunOptions(scene=lamp, size=size, samples=8, force=("soft",), max_memory_mb=2500)
-    with pytest.raises(UseError, match="lower --size or --samples"):
-        measure_scene(big)
+def test_memory_of_soft_truth_is_told_after_the_plan(lamp, monkeypatch):
+    """A run that keeps to its limit until the plan asks for softness is refused then, in the words
+    of soft truth, before any of its rays is made."""
+    monkeypatch.setattr("asmjax.job_memory.SOFT_AIMING", Memory(host=1e9))
+    monkeypatch.setattr("asmjax.render.load.SoftShadowRays", None)
+    with pytest.raises(UseError, match="host memory for soft truth for 48 x 32 pixels"):
+        measure_scene(small(lamp, force=("soft",)))
 
 
 @pytest.mark.mitsuba
@@ -114,8 +111,9 @@ def test_a_comparison_with_a_soft_method_is_judged_softly(lamp):
 
 
 @pytest.mark.mitsuba
-def test_a_light_without_a_shadow_is_measured_all_the_same(tmp_path, capsys):
+def test_a_light_without_a_shadow_is_measured_all_the_same(tmp_path, capsys, monkeypatch):
     """`--force none`: the two hard maps and truth, and a line that says why."""
+    monkeypatch.setattr("asmjax.report.run_files.write_figures", lambda pictures, folder: None)
     words = ["run", "letter_f", "--size", "48", "32", "--memory-mb", "0.25", "--repeats", "1"]
     assert cli.main([*words, "--force", "none", "--out", str(tmp_path)]) == 0
     assert "hard maps and truth are measured all the same" in capsys.readouterr().out

@@ -48,7 +48,9 @@ class SoftError(NamedTuple):
     acne_fraction: float
 
 
-def soft_error(truth, visibility, valid, pairs: SurfacePairs, standard_error=0.0) -> SoftError:
+def soft_error(
+    truth, visibility, valid, pairs: SurfacePairs, standard_error: np.ndarray | float = 0.0
+) -> SoftError:
     """Errors of images (height, width) of visibility from 0 to 1.
 
     Args:
