@@ -1,7 +1,7 @@
 """Measuring shadow methods: same eye pixels, same light, same truth."""
 
 import gc
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any, Protocol, runtime_checkable
 
@@ -24,14 +24,6 @@ class TracedShadows(Protocol):
     def trace(self) -> np.ndarray:
         """Visibility (n,) bool of all eye pixels."""
         ...
-
-
-@dataclass(frozen=True)
-class KnownShadows:
-    """`TracedShadows` of a number and a function."""
-
-    count: int
-    trace: Callable[[], np.ndarray]
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,14 +110,13 @@ def measure_rays(
     shadow_rays: Sequence[TracedShadows],
     eyes: Sequence[EyeBuffer],
     repeats: int,
-    each: int = 1,
-    warm_up: bool = True,
 ) -> Measured:
-    """The honest yardstick and the truth: `each` shadow rays per sample that faces the light."""
-    samples, query = repeated(lambda: [rays.trace() for rays in shadow_rays], repeats, warm_up)
+    """The honest yardstick, and the truth of hard shadows: a shadow ray per sample that faces the
+    light."""
+    samples, query = repeated(lambda: [rays.trace() for rays in shadow_rays], repeats)
     return Measured(
-        name=f"rays-{each * len(eyes)}",
-        settings={"rays_per_pixel": each * len(eyes)},
+        name=f"rays-{len(eyes)}",
+        settings={"rays_per_pixel": len(eyes)},
         visibility=pixel_mean(samples, eyes),
         cost=Cost(
             0, 0, sum(rays.count for rays in shadow_rays), len(eyes),

@@ -17,10 +17,9 @@ def timed(call: Callable[[], T]) -> tuple[T, float]:
     return result, time.perf_counter() - start
 
 
-def repeated(call: Callable[[], T], repeats: int, warm_up: bool = True) -> tuple[T, float]:
-    """The last result of `call`, and the median seconds of `repeats` runs after a `warm_up`."""
-    if warm_up:
-        jax.block_until_ready(call())
+def repeated(call: Callable[[], T], repeats: int) -> tuple[T, float]:
+    """The last result of `call`, and the median seconds of `repeats` runs after one to warm up."""
+    jax.block_until_ready(call())
     runs = [timed(call) for _ in range(repeats)]
     return runs[-1][0], statistics.median(seconds for _, seconds in runs)
 
