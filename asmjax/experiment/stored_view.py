@@ -27,6 +27,9 @@ _PARTS: dict[str, Any] = {
 
 _ON_DEVICE = ("points", "tree")
 
+_OPTIONAL = (("tree", "depth"), ("tree", "prim"), ("frame", "area"))
+"""What may be None; the area of a light is left out, as an adaptive map's answers do not ask it."""
+
 Device = Any
 """A `jax.Device`, which type checkers take for a variable."""
 
@@ -61,7 +64,7 @@ def save_view(path: Path, view: StoredView) -> None:
         f"{part}.{name}": np.asarray(value)
         for part, kind in _PARTS.items()
         for name in _attributes(kind)
-        if (value := getattr(getattr(view, part), name)) is not None
+        if (value := getattr(getattr(view, part), name)) is not None and name != "area"
     }
     settings = json.dumps({"shape": dataclasses.asdict(view.shape), "bias": view.bias})
     arrays["settings"] = np.array(settings)
@@ -91,7 +94,7 @@ def _part(part: str, kind: Any, arrays: dict[str, np.ndarray]):
     values: dict[str, Any] = {}
     for name in _attributes(kind):
         value = arrays.get(f"{part}.{name}")
-        if value is None and (part, name) not in (("tree", "depth"), ("tree", "prim")):
+        if value is None and (part, name) not in _OPTIONAL:
             raise KeyError(f"no array {part}.{name}")
         if value is not None and value.ndim == 0:
             values[name] = value.item()
