@@ -1,6 +1,6 @@
 """Shared by all tests: scratch caches, both precisions, seeded keys, hypothesis profiles.
 
-`HYPOTHESIS_PROFILE=ci` asks for 1,000 examples a property instead of 50, `ASMJAX_TEST_HARD=1` for
+`HYPOTHESIS_PROFILE=ci` asks for 1,000 examples a property instead of 30, `ASMJAX_TEST_HARD=1` for
 10,000 and for more of other things too (`helpers.effort`).
 """
 

@@ -389,6 +389,7 @@ def test_one_pass_makes_nodes_several_levels_down():
     assert max(levels) >= 3 and 1 not in levels
 
 
+@pytest.mark.slow
 def test_memory_left_over_is_spent_on_edges():
     """Finer texels than pixels down to `finest_ratio` and never beyond, only in nodes that an edge
     runs through or beside; and the edge moves closer to the truth."""
@@ -440,6 +441,7 @@ def test_pixel_order_does_not_matter():
     np.testing.assert_array_equal(np.asarray(lit)[order], again)
 
 
+@pytest.mark.slow
 def test_closeup_reaches_half_a_million_texels_a_side():
     """Reference T6: under a light of 122 degrees the eye sees 2 cm of a shadow's edge; a flat map
     as fine as the pixels would need 2^19 texels a side (1 TiB of depths), the tree 16 MB."""
@@ -481,6 +483,7 @@ def test_update_goes_on_where_the_last_build_ended():
         step.visibility(first, case.eye.points)
 
 
+@pytest.mark.slow
 def test_under_another_light_nothing_old_answers():
     """All nodes are dropped and counted; at rest the image is as good as that of a new build."""
     case = analytic_case("a4_disc_light", 64)
@@ -499,6 +502,7 @@ def test_under_another_light_nothing_old_answers():
     assert wrong <= expected + 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("memory", [2**17, 2**20])
 def test_one_pixel_in_eight_is_as_good_as_all_of_them_at_rest(memory):
     """From the build on, and for good: at most a tenth, or three pixels, worse."""
@@ -515,6 +519,7 @@ def test_one_pixel_in_eight_is_as_good_as_all_of_them_at_rest(memory):
         assert some <= max(1.1 * every, every + 3), wrong
 
 
+@pytest.mark.slow
 def test_one_pixel_in_eight_follows_a_walk_as_well_as_all_of_them():
     """The eye walks over the shadow, some pixels a step. New ground is found within one rotation
     of the looks: over the walk at most a quarter more errors than with a full analysis of each

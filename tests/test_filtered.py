@@ -177,6 +177,7 @@ def test_noise_belongs_to_a_pixel_and_fills_the_square(dtype):
     assert (np.asarray(noise(pixel, 4, jnp.dtype(dtype))) != found).mean() > 0.99
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("half", [(0.5, 0.5), (2.0, 0.7), (0.3, 3.6)])
 def test_many_samples_are_the_area_of_the_box(half):
     """Of 64 x 64 samples only those in cells that an edge crosses are by chance: of the at most 8
@@ -301,6 +302,7 @@ def test_what_a_pixel_gets_does_not_depend_on_its_company(kernel):
     assert np.sum(off > 1e-4) <= 0.005 * n
 
 
+@pytest.mark.slow
 def test_light_has_a_slope_in_position_where_it_is_a_share():
     """Through the whole query: none where all tests agree, and finite everywhere."""
     case, algorithm, state = filtered_case("sixteen")

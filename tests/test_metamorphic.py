@@ -84,6 +84,7 @@ def test_the_order_of_the_pixels_changes_nothing_but_theirs(sibling, name):
     assert np.sum(again != before) <= (0.01 * before.size if sibling.name == "tuned" else 2)
 
 
+@pytest.mark.slow
 @siblings([sibling for k, sibling in enumerate(SIBLINGS) if not sibling.charts or k % 2])
 def test_frames_fitted_to_a_turned_scene_are_as_good(sibling):
     """The frame's own roll depends on the light's axis, so its texels lie otherwise: as many pixels

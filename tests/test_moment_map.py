@@ -141,6 +141,7 @@ def without_area(case):
     return replace(case, frame=replace(case.frame, area=None))
 
 
+@pytest.mark.slow
 def test_light_leaks_onto_narrow_receivers():
     """Known wrong: a bar that fills little of its window, below others and above the floor, is lit
     by more than passes. Nothing is lit by less, beside the share of the window's texels that lie
@@ -174,6 +175,7 @@ def test_light_leaks_onto_narrow_receivers():
     assert 0.1 < leak[~floor].max() < 0.3
 
 
+@pytest.mark.slow
 def test_contact_is_lit_on_a_slope():
     """Known wrong: a receiver counts as near as its plane gets within the window, so that on a
     slope the foot of a caster is lit."""

@@ -114,6 +114,7 @@ def test_a_plane_alone_is_lit_all_over(tilt_deg):
     assert (lit[case.eye.valid] == 1).all()
 
 
+@pytest.mark.slow
 def test_contact_hardens():
     """Below a plate that leans on the floor the penumbra is as wide as the plate is high there."""
     widths = []
@@ -186,6 +187,7 @@ def test_rays_that_leave_the_widest_map_are_told():
             assert algorithm.status(state) is status and status.is_limit == (half == 3.0)
 
 
+@pytest.mark.slow
 def test_a_lamp_in_a_room_beats_the_uniform_map():
     """A ceiling a little above the lamp and walls beside the floor are before no receiver, near as
     they are; the faces of a cube see them all."""
@@ -296,6 +298,7 @@ def turned(other, case, rotation):
     return eqx.tree_at(lambda f: f.area, other.frame, area)
 
 
+@pytest.mark.slow
 def test_precisions_agree():
     """But for receivers within a rounding of a texel's border."""
     lit = []

@@ -213,6 +213,7 @@ def test_gradients_in_xi(xi, x64):
     assert_gradient(errors, np.full((1, 3), xi))
 
 
+@pytest.mark.slow
 def test_gradients_in_xi_where_its_branches_meet(x64):
     """xi = 0: derivatives from below and from above, which are one: only the second one jumps."""
     seen, layout = hills_seen(1)
@@ -231,6 +232,7 @@ def test_gradients_in_xi_where_its_branches_meet(x64):
     assert float(above) == pytest.approx(float(below), rel=1e-4)
 
 
+@pytest.mark.slow
 def test_gradients_in_the_light_s_direction(x64):
     """Through frame, axis, Jacobian and extents, for each receiver."""
     points, camera = hills()
@@ -244,6 +246,7 @@ def test_gradients_in_the_light_s_direction(x64):
     assert_gradient(errors, np.array(STEEP))
 
 
+@pytest.mark.slow
 def test_a_split_moves_extents_and_receivers(x64):
     """Receivers even in log z in a line: moving a split by a bin changes the mean of m^p as the
     closed form of the integrals does; its derivative between is their difference."""

@@ -45,8 +45,11 @@ LIGHTS = ("a6_sphere", "a6_sphere_sun")
 """A point light that needs three faces, and parallel rays."""
 
 
-VARIED = ("logarithmic-uniform", "partitioned-warped", "filtered-sixteen", "filtered-original")
-"""Variants that the quick run leaves to the others."""
+VARIED = (
+    "logarithmic-uniform", "partitioned-warped", "filtered-sixteen", "filtered-original", "moment",
+    "filtered",
+)  # fmt: skip
+"""Variants that the quick run leaves to the others, and families that have files of their own."""
 
 
 def case_of(sibling, *more):

@@ -91,6 +91,7 @@ def test_memory_of_soft_truth_is_told_after_the_plan(lamp, monkeypatch):
         measure_scene(small(lamp, force=("soft",)))
 
 
+@pytest.mark.slow
 @pytest.mark.mitsuba
 def test_a_comparison_with_a_soft_method_is_judged_softly(lamp):
     """The soft map is nearer to truth than hard shadow rays; and measurements of either truth are
@@ -121,6 +122,7 @@ def test_a_light_without_a_shadow_is_measured_all_the_same(tmp_path, capsys, mon
     assert len(report["methods"]) == 3
 
 
+@pytest.mark.slow
 @pytest.mark.mitsuba
 def test_walks_say_that_penumbrae_are_missing(lamp):
     """Walkthroughs are hard: what they leave out is in the notices, and `--force` is refused."""
@@ -133,6 +135,7 @@ def test_walks_say_that_penumbrae_are_missing(lamp):
         small(lamp, frames=2, force=("soft",))
 
 
+@pytest.mark.slow
 @pytest.mark.mitsuba
 def test_rays_of_a_lamp_are_made_once(lamp):
     """With the light moved too, whose lamp stays; not where a caster moved. Their second tree is

@@ -97,8 +97,8 @@ def test_unconstrained_numbers_are_a_layout_s(x64):
     [
         ("plane", 1, "light-space", "m"),
         ("plane", 3, "none", "perspective"),
-        ("plane", 3, "light-space", "m"),
-        ("lamp", 3, "light-space", "perspective"),
+        pytest.param("plane", 3, "light-space", "m", marks=pytest.mark.slow),
+        pytest.param("lamp", 3, "light-space", "perspective", marks=pytest.mark.slow),
     ],
 )
 def test_what_is_promised_is_what_the_map_has(name, partitions, warp, measure):
@@ -126,6 +126,7 @@ def test_what_is_promised_is_what_the_map_has(name, partitions, warp, measure):
     assert found.tuned < 0.97 * found.start
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("toward", [(0.0, 0.0, -1.0), (0.0, -0.5, -1.0), (0.0, 0.985, -0.42)])
 def test_one_warp_of_a_plane_is_the_eye_s_own(toward):
     """A plane's map can be the eye's image itself, a homography. Then m is that of N pixels spread

@@ -96,6 +96,7 @@ def test_an_object_moves(tmp_path):
             )
 
 
+@pytest.mark.slow
 def test_a_settings_file_is_the_adaptive_map_of_the_walk(tmp_path):
     """Its memory limit is the report's, and the uniform maps have as many bytes."""
     write_settings(tmp_path / "my.toml", AdaptiveShadowMap(memory_bytes=2**18, bias=1e-5))
@@ -120,6 +121,7 @@ def test_a_walk_takes_no_settings_of_another_algorithm(tmp_path, capfd):
     assert printed.count("\n") == 0 and not (tmp_path / "o").exists()
 
 
+@pytest.mark.slow
 def test_nothing_moves_and_python_writes_no_files(tmp_path, monkeypatch):
     """What rests costs nothing more: no rays for the kept map, few for a converged tree. Called
     from Python: options in, a report out."""
@@ -140,6 +142,7 @@ def test_nothing_moves_and_python_writes_no_files(tmp_path, monkeypatch):
     assert tree[2] <= tree[0] / 10
 
 
+@pytest.mark.slow
 def test_keys_are_walked_between_and_a_folder_holds_one_run(tmp_path):
     """From the first view towards the second; a scene file's sensors have names too. Files of a
     single view or of a longer walk do not stay behind; a user's own do."""

@@ -12,7 +12,7 @@ T = TypeVar("T")
 
 HARD = os.environ.get("ASMJAX_TEST_HARD", "0") not in ("", "0")
 
-EXAMPLES = {"fast": 50, "ci": 1_000, "hard": 10_000}
+EXAMPLES = {"fast": 30, "ci": 1_000, "hard": 10_000}
 """Examples of a property, by hypothesis profile."""
 
 PROFILE = os.environ.get("HYPOTHESIS_PROFILE", "hard" if HARD else "fast")
