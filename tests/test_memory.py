@@ -199,7 +199,7 @@ STAGES = [
     lambda sight, maps: walk_stages(sight, maps, 1),
     lambda sight, maps: trial_stages([sight, sight], maps, 1, evidence=True),
 ]
-MAPS: list[ShadowAlgorithm] = [UniformShadowMap(resolution=1024), AdaptiveShadowMap()]
+TWO: list[ShadowAlgorithm] = [UniformShadowMap(resolution=1024), AdaptiveShadowMap()]
 SIGHT = Sight(640, 480, samples=4)
 
 
@@ -216,11 +216,11 @@ SIGHT = Sight(640, 480, samples=4)
     ids=["size", "samples", "scalar", "maps", "limit"],
 )
 def test_a_job_that_asks_for_more_takes_more(stages, more):
-    assert peak_of(stages(*more(SIGHT, MAPS))).bytes > peak_of(stages(SIGHT, MAPS)).bytes
+    assert peak_of(stages(*more(SIGHT, TWO))).bytes > peak_of(stages(SIGHT, TWO)).bytes
 
 
 def test_eye_buffers_of_all_samples_are_in_every_stage():
-    for stage in run_stages(SIGHT, MAPS, 1):
+    for stage in run_stages(SIGHT, TWO, 1):
         assert stage.memory.bytes >= 640 * 480 * 4 * EYE.bytes
         assert "--size" in stage.options and "--samples" in stage.options
 
