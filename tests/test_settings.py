@@ -95,7 +95,7 @@ SETTINGS: dict[str, dict[str, Any]] = {
         "power": numbers(1, 64),
         "measure": st.sampled_from(("m", "perspective")),
     },
-    "accumulated": {**COMMON, "samples": st.integers(1, 64)},
+    "accumulated": {**COMMON, "samples": st.integers(1, 64), "keep": st.booleans()},
     "pcss": {
         **COMMON,
         "blocker_taps": st.integers(1, 2**12),
