@@ -31,7 +31,7 @@ from asmjax.machine import keep_freed_memory
 from asmjax.options import TuneOptions
 from asmjax.preparation import bench_of, calibrated
 from asmjax.render.load import load_scene
-from asmjax.report.stepwise import StepwiseRecord
+from asmjax.report.stepwise import StepwiseRecord, head_of
 from asmjax.shadow import AdaptiveShadowMap
 from asmjax.tune_job import chosen_views, held_out_benches
 from asmjax.tuning.calibrate import calibrated_fit
@@ -354,14 +354,7 @@ def _ratio(entry: Mapping, rival: str) -> float:
 
 def document(record: Mapping) -> str:
     """The record as Markdown."""
-    lines = [f"# {record['title']}", "", f"`{record['command']}`", "", "## Bounds", ""]
-    lines += ["| requirement | measured | bound | |", "| --- | ---: | ---: | --- |"]
-    for bound in record["bounds"]:
-        measured = "-" if bound["measured"] is None else f"{bound['measured']:.3g}"
-        lines.append(
-            f"| {bound['name']}: {bound['what']} | {measured} | {bound['limit']:.3g} | "
-            f"{bound['verdict']} |"
-        )
+    lines = head_of(record)
     lines += ["", "## Tuned against its rivals, on views that were not tuned on", ""]
     lines += [
         "Objective: edge error in pixels + price x seconds. In brackets error and milliseconds.",

@@ -33,7 +33,7 @@ from asmjax.main_job import measure_scene
 from asmjax.options import RunOptions
 from asmjax.planning import plan_effects
 from asmjax.render.load import Scene, load_scene
-from asmjax.report.stepwise import StepwiseRecord
+from asmjax.report.stepwise import StepwiseRecord, head_of
 from asmjax.shadow import ALGORITHMS, AccumulatedShadowMap, ShadowAlgorithm, UniformShadowMap
 from asmjax.shadow.registry import FILTERS, SOFT
 
@@ -216,14 +216,7 @@ def bounds(record: Mapping) -> list[Bound]:
 
 def document(record: Mapping) -> str:
     """The record as Markdown."""
-    lines = [f"# {record['title']}", "", f"`{record['command']}`", "", "## Bounds", ""]
-    lines += ["| requirement | measured | bound | |", "| --- | ---: | ---: | --- |"]
-    for bound in record["bounds"]:
-        measured = "-" if bound["measured"] is None else f"{bound['measured']:.3g}"
-        lines.append(
-            f"| {bound['name']}: {bound['what']} | {measured} | {bound['limit']:.3g} | "
-            f"{bound['verdict']} |"
-        )
+    lines = head_of(record)
     lines += ["", "## Plans, and what they leave out", ""]
     lines += [
         "Errors are parts of the light in per cent, mean over the picture, beside 64 rays a pixel.",

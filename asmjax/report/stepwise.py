@@ -95,3 +95,16 @@ class StepwiseRecord:
                 }
                 self.write()
             gc.collect()
+
+
+def head_of(record: Mapping) -> list[str]:
+    """Title, command and bounds of a written record: the lines that a document begins with."""
+    lines = [f"# {record['title']}", "", f"`{record['command']}`", "", "## Bounds", ""]
+    lines += ["| requirement | measured | bound | |", "| --- | ---: | ---: | --- |"]
+    for bound in record["bounds"]:
+        measured = "-" if bound["measured"] is None else f"{bound['measured']:.3g}"
+        lines.append(
+            f"| {bound['name']}: {bound['what']} | {measured} | {bound['limit']:.3g} | "
+            f"{bound['verdict']} |"
+        )
+    return lines
