@@ -63,7 +63,7 @@ RANDOM = 100
 KNOWN = 60
 """Settings that the surrogate is fitted to before it ranks others: as many as a search measures."""
 
-ROUNDS = 3
+ROUNDS = 5
 """Runs of each setting that is ranked: where a limit of time ends a build, errors differ from run
 to run, and are means over them. What the surrogate is fitted to has one, as in a search."""
 

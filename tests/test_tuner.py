@@ -23,7 +23,7 @@ from asmjax.tuning.tuner import Tuner, steps_of
 SIDE = 48
 """Pixels a side."""
 
-SAMPLES, EVALUATIONS = 20, 28
+SAMPLES, SINGLES, EVALUATIONS = 16, 4, 28
 """As few as there may be here."""
 
 LIMIT = Goal(error=0.2)
@@ -43,6 +43,7 @@ def small():
     patch.setattr(evidence_module, "SAMPLES", 24)
     patch.setattr(tuner_module, "GRID", {"finest_ratio": (1 / 16, 1.0)})
     patch.setattr(tuner_module, "SAMPLES", SAMPLES)
+    patch.setattr(tuner_module, "SINGLES", SINGLES)
     patch.setattr(tuner_module, "PROPOSALS", 3)
     patch.setattr(tuner_module, "LEAST_EVALUATIONS", EVALUATIONS)
     yield
@@ -86,7 +87,7 @@ def test_the_result_agrees_with_itself(first):
     assert roles["default"] == 1 and roles["sample"] + roles["random"] == EVALUATIONS
     assert 1 <= roles["surrogate"] <= 2 * 3 and roles["grid"] <= 2
     # The search's own measurements are as many as random search had.
-    own = sum(roles[role] for role in ("sample", "surrogate", "neighbour"))
+    own = sum(roles[role] for role in ("single", "sample", "surrogate", "neighbour"))
     assert own <= found.evaluations == EVALUATIONS
     assert found.settings == pytest.approx(
         {name: getattr(found.tuned.algorithm, name) for name in found.settings}

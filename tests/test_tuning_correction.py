@@ -47,10 +47,8 @@ def places_of(points, said) -> np.ndarray:
 
 def covariance(kernel, one, other) -> float:
     """Of two places."""
-    apart = ((one - other) ** 2).sum()
-    return (
-        kernel.constant + kernel.slope * one @ other + kernel.rest * np.exp(-apart / 2 / REACH**2)
-    )
+    apart = (((one - other) / REACH) ** 2).sum()
+    return kernel.constant + kernel.slope * one @ other + kernel.rest * np.exp(-apart / 2)
 
 
 def test_places_are_those_by_hand(trials):

@@ -14,7 +14,7 @@ OUTCOMES = ("found", "default_stands", "not_met", "time_spent", "unsettled", "in
 RIVALS = ("default", "tuned", "grid_best", "random_best")
 """Settings that are set beside each other, as measured on the held-out views."""
 
-ROLES = ("default", "sample", "random", "grid", "surrogate", "neighbour")
+ROLES = ("default", "single", "sample", "random", "grid", "surrogate", "neighbour")
 """Why settings were tried."""
 
 _CANDIDATE = {

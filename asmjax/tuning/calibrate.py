@@ -41,7 +41,7 @@ tipping, and the search gets stuck. The correction is of what the rules say at `
 CLOSE = 3e-3
 """A fit is at rest when a step changes its numbers, or its misfits, by less than this part."""
 
-MAX_STEPS = 40
+MAX_STEPS = 80
 
 ROOM = 64
 """Trials are filled up to a multiple of this, so that few shapes are ever compiled: one, for as

@@ -21,7 +21,7 @@ from asmjax.shadow.adaptive.look import MEASURES
 from asmjax.shadow.comparison import BIAS
 from asmjax.theory import mean_displacement, texel_edges
 
-SAMPLES = 192
+SAMPLES = 128
 """Edges, and receivers, that stand for all of them."""
 
 DEEPEST = 20

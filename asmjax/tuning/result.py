@@ -37,7 +37,8 @@ class Candidate:
     """Settings, as measured.
 
     Attributes:
-        role: "default", "sample" or "random" (drawn), "grid", "surrogate" or "neighbour".
+        role: "default", "single" (one setting changed), "sample" or "random" (drawn), "grid",
+            "surrogate" or "neighbour".
         point: (knobs,) in the unit box.
         algorithm: with the settings.
         trials: one for each view.

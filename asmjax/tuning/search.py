@@ -1,7 +1,8 @@
 """The settings of least objective by the surrogate: BFGS with restarts, decisions hardening."""
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import NamedTuple, TypeVar
 
 import equinox as eqx
 import jax
@@ -9,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from asmjax.machine import usable_cores
 from asmjax.numerics import in_float64
 from asmjax.tuning.calibrate import Calibration
 from asmjax.tuning.correction import Correction, corrected
@@ -22,6 +24,10 @@ TEMPERATURES = (1.0, 0.5, TEMPERATURE)
 
 STEPS = 40
 """Of BFGS at each temperature."""
+
+RESTARTS = 2
+"""Of a search that is not at rest after its last steps, with nothing remembered of the bends of its
+way there: narrow valleys turn."""
 
 SHORT = 12
 """Of those searches of which the best alone are gone on with."""
@@ -38,6 +44,18 @@ ROOM = 128
 
 REST = 2e-2
 """Gradient of the log objective below which a search is at rest."""
+
+
+_T, _R = TypeVar("_T"), TypeVar("_R")
+
+
+def _side_by_side(function: Callable[[_T], _R], items: Sequence[_T]) -> list[_R]:
+    """`function` of each, one to a core. The first goes ahead, so that it alone compiles."""
+    first, *rest = items
+    results = [function(first)]
+    with ThreadPoolExecutor(usable_cores()) as pool:
+        # JAX's precision is each thread's own.
+        return results + list(pool.map(in_float64(function), rest))
 
 
 class Model(NamedTuple):
@@ -158,20 +176,26 @@ def search(
     log_value = jnp.log(goal.value)
 
     def descend(free, temperature, steps=STEPS):
-        return _descend(model, goal.kind, log_value, free, jnp.asarray(temperature), steps)
+        end = _descend(model, goal.kind, log_value, free, jnp.asarray(temperature), steps)
+        return jax.block_until_ready(end)
+
+    def cooled(free):
+        end = free, None, None
+        for temperature in temperatures:
+            end = descend(end[0], temperature)
+        for _ in range(RESTARTS):
+            if not end[2] >= REST:
+                break
+            end = descend(end[0], temperatures[-1])
+        return end
 
     free = [jnp.asarray(unboxed(start)) for start in starts]
     if followed is not None:
-        ends = [descend(start, temperatures[0], SHORT) for start in free]
+        ends = _side_by_side(lambda start: descend(start, temperatures[0], SHORT), free)
         losses = np.array([float(end[1]) for end in ends])
         order = np.argsort(np.where(np.isfinite(losses), losses, np.inf), kind="stable")
         free, temperatures = [ends[k][0] for k in order[:followed]], temperatures[1:]
-    ends = []
-    for start in free:
-        end = start, None, None
-        for temperature in temperatures:
-            end = descend(end[0], temperature)
-        ends.append(end)
+    ends = _side_by_side(cooled, free)
     free, losses, slopes = (np.stack([np.asarray(end[k]) for end in ends]) for k in range(3))
     losses = np.where(np.isfinite(losses), losses, np.inf)
     order = np.argsort(losses, kind="stable")
@@ -190,8 +214,8 @@ def said_of(model: Model, points: np.ndarray) -> np.ndarray:
     # Filled up, and never more at once, so that one shape is ever compiled.
     count, temperature = len(points), jnp.asarray(TEMPERATURE)
     padded = np.pad(points, ((0, -count % ROOM), (0, 0)), mode="edge")
-    parts = [
-        np.asarray(_said_of(model, jnp.asarray(part), temperature))
-        for part in padded.reshape(-1, ROOM, points.shape[1])
-    ]
+    parts = _side_by_side(
+        lambda part: np.asarray(_said_of(model, jnp.asarray(part), temperature)),
+        list(padded.reshape(-1, ROOM, points.shape[1])),
+    )
     return np.concatenate(parts)[:count].T

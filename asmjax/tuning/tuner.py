@@ -1,6 +1,7 @@
 """Tuning on the real map: a surrogate proposes, measurements decide.
 
-1. Settings drawn at random are measured on the views, and the surrogate is fitted to them.
+1. The default with one setting at an end of its range, and settings drawn at random, are measured
+   on the views, and the surrogate is fitted to them.
 2. The surrogate is minimised from several starts; what it proposes is measured, the fit is made
    again with that, and once more.
 3. Neighbours of the best so far are measured, plainer settings first and then those that the
@@ -39,22 +40,29 @@ from asmjax.tuning.search import Model, model_of, said_of, search
 from asmjax.tuning.space import BALANCED, NAMES, Space, space_of
 from asmjax.tuning.tried import RIVALS, Tried, candidate, settings_key
 
-SAMPLES = 40
+SAMPLES = 28
 """Of the evaluations, those drawn at random that the surrogate is fitted to first."""
+
+SINGLES = 14
+"""Of the evaluations, at most those that differ from the default in one setting: people try these
+first, and around the default the fit must be right."""
 
 ROUNDS, PROPOSALS = 2, 5
 """Rounds of searching, and settings that each proposes and that are measured."""
 
-LEAST_EVALUATIONS = SAMPLES + ROUNDS * PROPOSALS
+LEAST_EVALUATIONS = SINGLES + SAMPLES + ROUNDS * PROPOSALS
 """Fewer leave nothing for neighbours."""
 
 STARTS = 2
 """Of each search: of the best measured, and of the best by the surrogate."""
 
 FINALISTS = 5
-"""Of each kind, how many are measured on the held-out views: as many draws for each."""
+"""Of each kind, how many are measured on the held-out views at most: as many draws for each."""
 
-APART = 0.15
+CLOSE = 1.25
+"""Objective of a finalist / of the first of its kind on the views tuned on, at most."""
+
+APART = 0.1
 """Distance of finalists of a kind, in sides of the box: of near ones only the noise differs."""
 
 LEAST_WEIGHT = 0.3
@@ -164,6 +172,10 @@ class Tuner:
     def _search(self) -> None:
         """All that is measured on the views tuned on, and what the surrogate says of it."""
         measure, drawn = self.tried.measure, self._drawn()
+        self._doing = "one setting at a time"
+        alone = extremes(self.space, self.space.point(self.base))[:SINGLES]
+        for point in alone:
+            measure(point, "single")
         self._doing = "settings at random"
         samples = [measure(point, "sample") for point in drawn[:SAMPLES]]
         self._progress("surrogate")
@@ -290,7 +302,9 @@ class Tuner:
         """The default and the best few of each kind on the held-out views, in turns."""
         chosen = {"default": [default]}
         for kind, some in self._kinds.items():
-            chosen[kind] = apart(self.tried.first(some, len(some)), FINALISTS)
+            chosen[kind] = finalists(
+                self.tried.first(some, len(some)), self.goal, self.space.point(self.base)
+            )
         unique = {settings_key(one.algorithm): one for some in chosen.values() for one in some}
         algorithms = [one.algorithm for one in unique.values()]
         columns = []
@@ -379,15 +393,29 @@ class Tuner:
         return f"{outcome.value}."
 
 
-def apart(ordered: Sequence[Candidate], count: int) -> list[Candidate]:
-    """The first so many of those in order, each `APART` from the ones before it."""
-    chosen: list[Candidate] = []
+def finalists(ordered: Sequence[Candidate], goal: Goal, default: np.ndarray) -> list[Candidate]:
+    """The first of those in order, `FINALISTS` at most, each `APART` from the ones before it and
+    `CLOSE` to the first. Of those with the same error on every view, which differ in what does
+    nothing, the one stands that has most settings of `default` (knobs,)."""
+    plainest: dict[tuple[float, ...], Candidate] = {}
     for one in ordered:
+        errors = tuple(trial.edge_px for trial in one.trials)
+        other = plainest.setdefault(errors, one)
+        if _changed(one, default) < _changed(other, default):
+            plainest[errors] = one
+    chosen: list[Candidate] = []
+    most = [CLOSE * part for part in ordered[0].rank(goal)] if ordered else []
+    for one in plainest.values():
+        if len(chosen) == FINALISTS or any(np.greater(one.rank(goal), most)):
+            break
         if all(np.linalg.norm(one.point - other.point) >= APART for other in chosen):
             chosen.append(one)
-        if len(chosen) == count:
-            break
     return chosen
+
+
+def _changed(one: Candidate, default: np.ndarray) -> int:
+    """How many settings differ from the default's."""
+    return int((np.abs(one.point - default) > 1e-9).sum())
 
 
 def grid(space: Space, base: AdaptiveShadowMap) -> list[np.ndarray]:

@@ -37,6 +37,7 @@ class Look(NamedTuple):
 
 ROLES = {
     "default": Look("default", "#1A1A1A", "D"),
+    "single": Look("one setting changed", "#8C8C8C", "v"),
     "sample": Look("drawn to fit the surrogate", "#8C8C8C", "o"),
     "random": Look("random search, besides", "#CC79A7", "P"),
     "grid": Look("grid", "#E69F00", "s"),
