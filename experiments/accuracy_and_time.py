@@ -60,7 +60,7 @@ PRICE = 1.0
 RANDOM = 100
 """Settings that are ranked."""
 
-KNOWN = 60
+KNOWN = 70
 """Settings that the surrogate is fitted to before it ranks others: as many as a search measures."""
 
 ROUNDS = 5

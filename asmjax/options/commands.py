@@ -25,6 +25,7 @@ from asmjax.options.groups import (
     MeasureOptions,
     MethodOptions,
     OutputOptions,
+    PageOptions,
     PatienceOptions,
     PlanningOptions,
     RepeatOptions,
@@ -36,7 +37,7 @@ from asmjax.options.groups import (
     WalkOptions,
 )
 
-LEAST_EVALUATIONS = 50
+LEAST_EVALUATIONS = 60
 """Fewer cannot calibrate the surrogate that leads a search, and check what it says."""
 
 
@@ -186,6 +187,22 @@ class PlanOptions(ViewOptions, PlanningOptions, EffectOptions, MachineOptions, F
         check_effects(self)
         at_least(0, "--seed", self.seed, "")
         check_machine(self)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class ReportOptions(PageOptions):
+    """Options of `asmjax report`.
+
+    Raises:
+        UseError: no folder is named.
+    """
+
+    def __post_init__(self):
+        require(
+            bool(self.folders),
+            "no folder is named; name one or more that asmjax run, analyze, compare, tune or plan "
+            "wrote.",
+        )
 
 
 MapJobOptions = RunOptions | AnalyzeOptions | CompareOptions

@@ -210,7 +210,7 @@ class SearchOptions:
     ] = ()
     """Other views, on which the best settings are measured again, and which choose among them."""
 
-    evaluations: Annotated[int, arg(metavar="COUNT")] = 60
+    evaluations: Annotated[int, arg(metavar="COUNT")] = 70
     """Settings that the search may try on the real map, 50 or more; the default, a grid of 32, the
     rest of a random search and what is measured on the held-out views come on top."""
 
@@ -305,6 +305,20 @@ class OutputOptions(FolderOptions):
     save_arrays: bool = False
     """Also write arrays.npz: truth, visibilities and all maps, row 0 at the top. Of a walkthrough,
     frame_0000.npz and so on, without the maps."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class PageOptions:
+    """What is shown, and where the page is written."""
+
+    folders: Annotated[tuple[str, ...], Positional, arg(metavar="DIR [DIR ...]")] = ()
+    """Folders that asmjax run, analyze, compare, tune or plan wrote, in the order of the page."""
+
+    out: Annotated[str | None, _named("FILE", "report.html in the first folder")] = None
+    """The page, one HTML file that needs no other."""
+
+    quiet: bool = False
+    """Print nothing; errors still appear."""
 
 
 def _memory_bytes(memory_mb: float | None) -> int:

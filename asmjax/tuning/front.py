@@ -33,11 +33,13 @@ FLAT = 1e-3
 that do nothing there have no best value."""
 
 STARTS = 6
-"""Of the searches at each price that continuation is compared with; it has twice as many of its
-own."""
+"""Of the searches at each price that continuation is compared with."""
 
 FOLLOWED = 2
 """Of those, how many are gone on with."""
+
+OWN_STARTS, OWN_FOLLOWED = 18, 6
+"""The same of continuation's searches."""
 
 VALLEYS = 3
 """Ends of searches for other prices that are tried at each."""
@@ -47,7 +49,10 @@ APART = (0.2, 0.6)
 same valley, but the best points lie close together, and not all in the best valley."""
 
 SCREENED = 512
-"""Random points of which those searches start from the best; continuation has four times them."""
+"""Random points of which those searches start from the best."""
+
+OWN_SCREENED = 4096
+"""The same of continuation's searches: valleys are narrow."""
 
 STILL = (TEMPERATURE,)
 """Temperatures of a search that keeps to the valley where it begins."""
@@ -134,7 +139,7 @@ def trace_front(
     """
     prices = price * np.geomspace(1 / SPAN, SPAN, POINTS)
     drawn = qmc.Sobol(len(NAMES), seed=seed)  # pyright: ignore[reportCallIssue]
-    own, others = drawn.random(4 * SCREENED), drawn.random(SCREENED)
+    own, others = drawn.random(OWN_SCREENED), drawn.random(SCREENED)
     known = _Screened(model, np.concatenate([tried, own]))
     curve = _curve(model, prices, known)
     elsewhere = _Screened(model, others)
@@ -179,14 +184,14 @@ def _curve(
             curve[k] = found.points[0], float(found.losses[0])
 
     # Out to either end from the middle.
-    correct(middle, known.best(prices[middle], 2 * STARTS), COOLING, 2 * FOLLOWED)
+    correct(middle, known.best(prices[middle], OWN_STARTS), COOLING, OWN_FOLLOWED)
     for k in (*range(middle + 1, len(prices)), *range(middle - 1, -1, -1)):
         beside = k - 1 if k > middle else k + 1
         here, ratio = curve[beside][0], np.log(prices[k] / prices[beside])
         step, _ = direction(model, float(prices[beside]), here)
         predicted = np.asarray(boxed(unboxed(here) + ratio * step))
         correct(k, [predicted])
-        correct(k, known.best(prices[k], 2 * STARTS), COOLING, 2 * FOLLOWED)
+        correct(k, known.best(prices[k], OWN_STARTS), COOLING, OWN_FOLLOWED)
     # A valley that is second best at one price may be the best at another.
     valleys = _Screened(model, np.stack(ends))
     for k, price in enumerate(prices):

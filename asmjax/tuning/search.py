@@ -45,6 +45,9 @@ ROOM = 128
 REST = 2e-2
 """Gradient of the log objective below which a search is at rest."""
 
+CREEP = 1e-3
+"""Part of the objective below which what a restart gains is nothing: the search is at rest too."""
+
 
 _T, _R = TypeVar("_T"), TypeVar("_R")
 
@@ -183,11 +186,13 @@ def search(
         end = free, None, None
         for temperature in temperatures:
             end = descend(end[0], temperature)
+        still = bool(end[2] < REST)
         for _ in range(RESTARTS):
-            if not end[2] >= REST:
+            if still or not jnp.isfinite(end[1]):
                 break
-            end = descend(end[0], temperatures[-1])
-        return end
+            before, end = end[1], descend(end[0], temperatures[-1])
+            still = bool(end[2] < REST) or bool(before - end[1] < CREEP)
+        return *end[:2], still
 
     free = [jnp.asarray(unboxed(start)) for start in starts]
     if followed is not None:
@@ -196,10 +201,10 @@ def search(
         order = np.argsort(np.where(np.isfinite(losses), losses, np.inf), kind="stable")
         free, temperatures = [ends[k][0] for k in order[:followed]], temperatures[1:]
     ends = _side_by_side(cooled, free)
-    free, losses, slopes = (np.stack([np.asarray(end[k]) for end in ends]) for k in range(3))
+    free, losses, still = (np.stack([np.asarray(end[k]) for end in ends]) for k in range(3))
     losses = np.where(np.isfinite(losses), losses, np.inf)
     order = np.argsort(losses, kind="stable")
-    settled = np.isfinite(losses) & (slopes < REST)
+    settled = np.isfinite(losses) & still
     return Found(np.asarray(boxed(free[order])), losses[order], settled[order])
 
 

@@ -40,7 +40,7 @@ from asmjax.tuning.search import Model, model_of, said_of, search
 from asmjax.tuning.space import BALANCED, NAMES, Space, space_of
 from asmjax.tuning.tried import RIVALS, Tried, candidate, settings_key
 
-SAMPLES = 28
+SAMPLES = 36
 """Of the evaluations, those drawn at random that the surrogate is fitted to first."""
 
 SINGLES = 14
@@ -58,9 +58,6 @@ STARTS = 2
 
 FINALISTS = 5
 """Of each kind, how many are measured on the held-out views at most: as many draws for each."""
-
-CLOSE = 1.25
-"""Objective of a finalist / of the first of its kind on the views tuned on, at most."""
 
 APART = 0.1
 """Distance of finalists of a kind, in sides of the box: of near ones only the noise differs."""
@@ -115,7 +112,7 @@ class Tuner:
         *,
         ledger: Ledger,
         seed: int = 0,
-        evaluations: int = 60,
+        evaluations: int = 70,
         rounds: int = 3,
         deadline: float | None = None,
         progress: Callable[[str], None] = lambda _: None,
@@ -302,9 +299,7 @@ class Tuner:
         """The default and the best few of each kind on the held-out views, in turns."""
         chosen = {"default": [default]}
         for kind, some in self._kinds.items():
-            chosen[kind] = finalists(
-                self.tried.first(some, len(some)), self.goal, self.space.point(self.base)
-            )
+            chosen[kind] = finalists(self.tried.first(some, len(some)), self.space.point(self.base))
         unique = {settings_key(one.algorithm): one for some in chosen.values() for one in some}
         algorithms = [one.algorithm for one in unique.values()]
         columns = []
@@ -393,10 +388,12 @@ class Tuner:
         return f"{outcome.value}."
 
 
-def finalists(ordered: Sequence[Candidate], goal: Goal, default: np.ndarray) -> list[Candidate]:
-    """The first of those in order, `FINALISTS` at most, each `APART` from the ones before it and
-    `CLOSE` to the first. Of those with the same error on every view, which differ in what does
-    nothing, the one stands that has most settings of `default` (knobs,)."""
+def finalists(ordered: Sequence[Candidate], default: np.ndarray) -> list[Candidate]:
+    """The first of those in order, `FINALISTS` at most, each `APART` from the ones before it.
+
+    Of those with the same error on every view, which differ in what does nothing, the one stands
+    that has most settings of `default` (knobs,).
+    """
     plainest: dict[tuple[float, ...], Candidate] = {}
     for one in ordered:
         errors = tuple(trial.edge_px for trial in one.trials)
@@ -404,9 +401,8 @@ def finalists(ordered: Sequence[Candidate], goal: Goal, default: np.ndarray) -> 
         if _changed(one, default) < _changed(other, default):
             plainest[errors] = one
     chosen: list[Candidate] = []
-    most = [CLOSE * part for part in ordered[0].rank(goal)] if ordered else []
     for one in plainest.values():
-        if len(chosen) == FINALISTS or any(np.greater(one.rank(goal), most)):
+        if len(chosen) == FINALISTS:
             break
         if all(np.linalg.norm(one.point - other.point) >= APART for other in chosen):
             chosen.append(one)
