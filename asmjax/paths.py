@@ -19,6 +19,11 @@ def cache_dir() -> Path:
     return Path(os.path.expanduser("~")) / ".cache" / "asmjax"
 
 
+def jax_cache_dir() -> Path:
+    """The folder of JAX's compiled programs for this CPU; not created here."""
+    return cache_dir() / "jax" / cpu_key()
+
+
 def drjit_cache_dir() -> Path:
     """The folder where Dr.Jit keeps compiled kernels (its own rule; asmjax leaves it alone)."""
     if own := os.environ.get("DRJIT_CACHE_DIR"):
@@ -57,14 +62,14 @@ def keep_text(path: Path, text: str) -> bool:
     return True
 
 
-def write_atomic(path: str | os.PathLike, text: str) -> None:
-    """Replace the file at `path` by `text` in UTF-8, in one step that survives a power cut."""
+def write_atomic(path: str | os.PathLike, content: str | bytes) -> None:
+    """Replace the file at `path` in one step that survives a power cut; text becomes UTF-8."""
     target = Path(path)
     # Same folder: a rename is atomic only within one file system.
     scratch = target.with_name(f".{target.name}.{os.getpid()}.tmp")
     try:
-        with scratch.open("w", encoding="utf-8", newline="") as file:
-            file.write(text)
+        with scratch.open("wb") as file:
+            file.write(content.encode() if isinstance(content, str) else content)
             file.flush()
             os.fsync(file.fileno())
         os.replace(scratch, target)

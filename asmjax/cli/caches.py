@@ -5,18 +5,13 @@ from pathlib import Path
 from asmjax import paths
 
 
-def jax_cache_dir() -> Path:
-    """Folder of JAX's compiled programs for this CPU; not created here."""
-    return paths.cache_dir() / "jax" / paths.cpu_key()
-
-
 def enable_compilation_cache() -> Path | None:
     """Let JAX keep every compiled program on disk, and return the folder.
 
     Returns None and changes nothing where the folder cannot be written. Changes JAX's global
     configuration, so a library user must ask for it.
     """
-    folder = paths.writable_dir(jax_cache_dir())
+    folder = paths.writable_dir(paths.jax_cache_dir())
     if folder is None:
         return None
     import jax

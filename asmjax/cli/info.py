@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 from asmjax import paths
-from asmjax.cli.caches import jax_cache_dir
 from asmjax.options import MEGABYTE, InfoOptions
 
 PACKAGES = ("asmjax", "jax", "jaxlib", "numpy", "mitsuba", "drjit")
@@ -30,7 +29,7 @@ def collect() -> dict[str, dict[str, Any]]:
     verdict = llvm.probe(refresh=True)
     caches = {
         "asmjax": paths.cache_dir(),
-        "jax": jax_cache_dir(),
+        "jax": paths.jax_cache_dir(),
         "drjit": paths.drjit_cache_dir(),
     }
     return {

@@ -1,0 +1,115 @@
+"""Sweeps in workers of dask: a crash costs one trial, kills cost nothing, and nobody is left."""
+
+import json
+import random
+import subprocess
+import sys
+import time
+from collections import Counter
+
+import pytest
+from helpers import sweep_runs
+from helpers.sweep_processes import MARK, marked, seconds_until_gone, starts_after_kept
+from helpers.sweep_runs import driven, driver, environment, killing, statuses
+from helpers.sweep_trials import fake_trials, run, sleepers
+from test_sweep_driver import LONG, keys, swept
+
+from asmjax.sweep.driver import SweepProgress, SweepStatus, run_sweep
+from asmjax.sweep.results import results
+from asmjax.sweep.store import Store
+
+
+def test_a_crash_is_one_trials_and_workers_have_a_cpu_each(tmp_path, monkeypatch):
+    """Two workers, a trial that ends its process among twelve: the others are done, each worker
+    keeps to one CPU, and all processes are gone afterwards."""
+    monkeypatch.setenv(MARK, str(tmp_path))
+    trials = fake_trials(6) + fake_trials(1, do="segv") + fake_trials(6, first=6, arrays=True)
+    found, told = swept(tmp_path, trials, workers=2)
+    assert found.status == SweepStatus.COMPLETE and not found.left
+    assert set(found.done) == {*keys(trials)} - {trials[6].key}
+    assert "SIGSEGV" in found.failed[trials[6].key]
+    rows = [row for row in results(tmp_path).stored if row.status == "done"]
+    assert all(len(row.record["cpus"]) == 1 for row in rows)
+    assert max(now.workers for now in told) == 2 and told[-1].running == 0
+    assert not marked(str(tmp_path))
+
+
+@pytest.mark.slow
+def test_an_interruption_stops_workers_at_once(tmp_path, monkeypatch):
+    monkeypatch.setenv(MARK, str(tmp_path))
+    trials = fake_trials(2) + fake_trials(4, do="sleep", seconds=LONG)
+
+    def interrupt(now: SweepProgress) -> None:
+        if now.done == 2:
+            raise KeyboardInterrupt
+
+    with Store.open(tmp_path) as store:
+        start = time.monotonic()
+        found = run_sweep(
+            trials, store, run=run, workers=2, deadline_s=LONG, progress=interrupt
+        )  # fmt: skip
+    assert time.monotonic() - start < 30
+    assert found.status == SweepStatus.INTERRUPTED
+    assert (found.done, found.left) == (keys(trials[:2]), keys(trials[2:]))
+    assert not marked(str(tmp_path))
+
+
+@pytest.mark.slow
+def test_killed_drivers_leave_nobody_and_lose_nothing(tmp_path, monkeypatch):
+    """Three drivers are killed while they sweep: what they told of is there, no process of theirs
+    is left after 10 s, the last one completes, and no trial starts after it was kept."""
+    monkeypatch.setenv(MARK, str(tmp_path))
+    words, kept = driver(tmp_path, 60, 0.1), {}
+    for kill_at in (12, 24, 36):
+        assert driven(words, kept, kill_at=kill_at) == ""
+        assert seconds_until_gone(str(tmp_path)) < 10
+        assert {row.key for row in results(tmp_path / "s").stored} >= set(kept)
+    assert driven(words, kept) == "complete 0 0"
+    assert statuses(tmp_path / "s") == Counter(done=60)
+    log = tmp_path / "log"
+    assert starts_after_kept(log, sleepers(60, 0.1, str(log)), kept) == 0
+
+
+@pytest.mark.slow
+def test_killed_workers_lose_nothing(tmp_path, monkeypatch):
+    """Of a sweep with two workers, workers and processes of trials are killed at random moments."""
+    monkeypatch.setenv(MARK, str(tmp_path))
+    log, kills = tmp_path / "log", Counter()
+    trials = sleepers(200, 0.1, str(log))
+    kept: dict[str, float] = {}
+    with killing(tmp_path, kills, 8, random.Random(1)):
+        found = sweep_runs.swept(tmp_path / "s", trials, kept)
+    assert found.status == SweepStatus.COMPLETE and set(found.done) == set(keys(trials))
+    assert min(kills["trial"], kills["worker"]) >= 2
+    assert starts_after_kept(log, trials, kept) == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("do", "status"),
+    [("abort", "crashed"), ("segv", "crashed"), ("hog", "out of memory"), ("endless", "timeout")],
+)
+def test_a_poison_costs_only_itself(tmp_path, do, status):
+    """40 trials, one of which ends as badly as it can."""
+    trials = fake_trials(39) + fake_trials(1, do=do)
+    found, _ = swept(tmp_path, trials, workers=2, deadline_s=3.0, memory_bytes=2**29)
+    assert set(found.done) == set(keys(trials[:39])) and list(found.failed) == [trials[39].key]
+    (bad,) = (row for row in results(tmp_path).stored if row.status != "done")
+    assert bad.status == status and bad.seconds < 3.0 + 10
+
+
+@pytest.mark.slow
+def test_a_disk_of_any_size_that_gets_full_loses_nothing(tmp_path):
+    """Every place where a sweep writes is one where some of these disks are full."""
+    words = ["unshare", "--mount", sys.executable, "-m", "helpers.sweep_disk", str(tmp_path)]
+    try:
+        done = subprocess.run(words, capture_output=True, text=True, env=environment())
+    except FileNotFoundError:
+        pytest.skip("disks cannot be mounted: there is no `unshare`")
+    if done.returncode:
+        pytest.skip(f"disks cannot be mounted: {done.stderr.strip()[-200:]}")
+    disks = [json.loads(line) for line in done.stdout.splitlines()]
+    full = [one["told"] for one in disks if one["told"] is not None]
+    assert len(full) > 20
+    assert all(f"cannot write '{tmp_path}/sweep" in told for told in full)
+    assert {one["lost"] for one in disks} == {one["left"] for one in disks} == {0}
