@@ -91,7 +91,8 @@ def test_a_dataset_of_trials_or_on_a_grid(swept):
 
 def test_netcdf_and_parquet_come_back(swept, tmp_path):
     xarray = extra("xarray")
-    extra("h5netcdf")
+    for module in ("h5netcdf", "h5py"):
+        extra(module)
     found = results(swept)
     found.to_netcdf(tmp_path / "all.nc")
     with xarray.open_dataset(tmp_path / "all.nc", engine="h5netcdf") as back:

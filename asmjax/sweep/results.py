@@ -151,7 +151,8 @@ class Results:
         Raises:
             UseError: as `to_xarray`, or `path` cannot be written.
         """
-        _needed("h5netcdf")
+        for module in ("h5netcdf", "h5py"):
+            _needed(module)
         dataset = self.to_xarray(dims)
         with _draft(Path(path)) as draft:
             dataset.to_netcdf(draft, engine="h5netcdf")
