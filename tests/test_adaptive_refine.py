@@ -17,7 +17,7 @@ from asmjax.metrics import boundary_displacement, surface_pairs
 from asmjax.scene.analytic_scenes import ANALYTIC_SCENES
 from asmjax.scene.spec import LightSpec, ViewSpec
 from asmjax.shadow import AdaptiveShadowMap, CostModel, NodeCounts, Status
-from asmjax.shadow.adaptive import refiner
+from asmjax.shadow.adaptive import refiner, storing
 from asmjax.shadow.adaptive.address import BITS, Address
 from asmjax.shadow.adaptive.attention import Attention
 from asmjax.shadow.adaptive.look import (
@@ -551,7 +551,7 @@ def test_padding_of_stores_is_small_beside_the_map(node):
     """The largest number of pages that is stored in one call takes no more than a quarter of 16 MB,
     or is one page; smaller ones come before it."""
     shape = AdaptiveShadowMap(node_resolution=node).tree_shape(1)
-    buckets = refiner.buckets_of(shape.side, shape.pages)
+    buckets = storing.buckets_of(shape.side, shape.pages)
     assert list(buckets) == sorted(set(buckets)) and buckets[-1] <= shape.pages
     assert buckets[-1] == 1 or buckets[-1] * shape.side**2 * 8 <= 2**22
 

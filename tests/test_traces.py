@@ -19,7 +19,7 @@ from asmjax.scene.lights import light_frame
 from asmjax.scene.spec import ViewSpec
 from asmjax.shadow import AdaptiveShadowMap, UniformShadowMap
 from asmjax.shadow.adaptive.cost_model import CostModel
-from asmjax.shadow.adaptive.refiner import BUCKETS
+from asmjax.shadow.adaptive.storing import BUCKETS
 
 SIZE = 48
 EYES = ((3.0, -4.0, 5.0), (-2.5, -3.5, 6.0), (0.5, -5.5, 4.0))
