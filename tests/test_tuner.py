@@ -13,6 +13,7 @@ from asmjax.errors import UseError
 from asmjax.experiment.ledger import Ledger
 from asmjax.scene.spec import LightSpec, Rectangle, ViewSpec
 from asmjax.tuning import evidence as evidence_module
+from asmjax.tuning import rivals as rivals_module
 from asmjax.tuning import space as space_module
 from asmjax.tuning import tuner as tuner_module
 from asmjax.tuning.goal import Goal
@@ -41,7 +42,7 @@ def small():
     patch.setattr(space_module, "CELLS", (2, 4))
     patch.setattr(space_module, "MEMORY_PARTS", (1,))
     patch.setattr(evidence_module, "SAMPLES", 24)
-    patch.setattr(tuner_module, "GRID", {"finest_ratio": (1 / 16, 1.0)})
+    patch.setattr(rivals_module, "GRID", {"finest_ratio": (1 / 16, 1.0)})
     patch.setattr(tuner_module, "SAMPLES", SAMPLES)
     patch.setattr(tuner_module, "SINGLES", SINGLES)
     patch.setattr(tuner_module, "PROPOSALS", 3)

@@ -16,7 +16,7 @@ import time
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from scipy.stats import qmc, spearmanr
+from scipy.stats import spearmanr
 
 from asmjax.errors import require
 from asmjax.experiment.bench import Bench
@@ -24,6 +24,7 @@ from asmjax.experiment.ledger import Ledger
 from asmjax.shadow import AdaptiveShadowMap
 from asmjax.tuning.calibrate import Calibration, calibrated_fit
 from asmjax.tuning.evidence import Evidence, evidence_of
+from asmjax.tuning.finals import finalists, measured_finals
 from asmjax.tuning.front import trace_front
 from asmjax.tuning.goal import LEAST_PX, Goal
 from asmjax.tuning.proposals import (
@@ -36,9 +37,10 @@ from asmjax.tuning.proposals import (
     promising,
 )
 from asmjax.tuning.result import Candidate, FrontPoint, Outcome, Sensitivity, TuneResult, best_of
+from asmjax.tuning.rivals import drawn, grid, grid_size
 from asmjax.tuning.search import Model, model_of, said_of, search
-from asmjax.tuning.space import BALANCED, NAMES, Space, space_of
-from asmjax.tuning.tried import RIVALS, Tried, candidate, settings_key
+from asmjax.tuning.space import space_of
+from asmjax.tuning.tried import RIVALS, Tried
 
 SAMPLES = 36
 """Of the evaluations, those drawn at random that the surrogate is fitted to first."""
@@ -56,30 +58,14 @@ LEAST_EVALUATIONS = SINGLES + SAMPLES + ROUNDS * PROPOSALS
 STARTS = 2
 """Of each search: of the best measured, and of the best by the surrogate."""
 
-FINALISTS = 5
-"""Of each kind, how many are measured on the held-out views at most: as many draws for each."""
-
-APART = 0.1
-"""Distance of finalists of a kind, in sides of the box: of near ones only the noise differs."""
-
 LEAST_WEIGHT = 0.3
 """Of a trial in the fit, however far from the best."""
-
-GRID = {
-    "finest_ratio": (1 / 64, 1 / 16, 1 / 4, 1.0),
-    "ratio_target": (1.0, 4.0),
-    "least_profit": (0.0, None),
-    "node_resolution": (16, 32),
-}
-"""The grid of 32 points that tuned settings are compared with; None is the middle of the range. All
-other settings are the default's."""
 
 
 def steps_of(evaluations: int, held_out: int) -> int:
     """Steps of progress that `Tuner.run` announces at most: default, everything that is measured,
     two surrogates, the front, and the held-out views."""
-    grid = int(np.prod([len(values) for values in GRID.values()]))
-    return 2 * evaluations - SAMPLES + grid + 4 + held_out
+    return 2 * evaluations - SAMPLES + grid_size() + 4 + held_out
 
 
 class Tuner:
@@ -168,13 +154,15 @@ class Tuner:
 
     def _search(self) -> None:
         """All that is measured on the views tuned on, and what the surrogate says of it."""
-        measure, drawn = self.tried.measure, self._drawn()
+        measure = self.tried.measure
+        # As many as there are evaluations; the first `SAMPLES` are the surrogate's.
+        at_random = drawn(self.space, self.evaluations, self.seed)
         self._doing = "one setting at a time"
         alone = extremes(self.space, self.space.point(self.base))[:SINGLES]
         for point in alone:
             measure(point, "single")
         self._doing = "settings at random"
-        samples = [measure(point, "sample") for point in drawn[:SAMPLES]]
+        samples = [measure(point, "sample") for point in at_random[:SAMPLES]]
         self._progress("surrogate")
         self._evidence = [evidence_of(bench, self.base, self.seed) for bench in self.benches]
         model = self._propose()
@@ -187,7 +175,7 @@ class Tuner:
             points = np.stack([one.point for one in self.tried.all])
             self._sensitivity, self._front = trace_front(model, self.goal.price, points, self.seed)
         self._doing = "random search"
-        rest = [measure(point, "random") for point in drawn[SAMPLES:] if not self._late()]
+        rest = [measure(point, "random") for point in at_random[SAMPLES:] if not self._late()]
         self._kinds["random"] = [*samples, *rest]
         self._doing = "grid"
         self._kinds["grid"] = [
@@ -209,13 +197,6 @@ class Tuner:
         """Of a frame with the default settings, the mean over the views."""
         trials = [bench.try_all([self.base], 3, self.ledger)[0] for bench in self.benches]
         return sum(trial.total.value for trial in trials) / len(trials)
-
-    def _drawn(self) -> list[np.ndarray]:
-        """As many points at random as there are evaluations; the first `SAMPLES` are the
-        surrogate's. Few combinations of steps: each has programs of its own to compile."""
-        drawn = qmc.Sobol(len(NAMES), seed=self.seed)  # pyright: ignore[reportCallIssue]
-        points = drawn.random(1 << (self.evaluations - 1).bit_length())[: self.evaluations]
-        return [self.space.with_steps(point, k % BALANCED) for k, point in enumerate(points)]
 
     def _fit(self) -> Model:
         """The surrogate fitted to all that the search has measured."""
@@ -296,26 +277,16 @@ class Tuner:
                 return
 
     def _finals(self, default: Candidate) -> dict[str, list[Candidate]]:
-        """The default and the best few of each kind on the held-out views, in turns."""
-        chosen = {"default": [default]}
-        for kind, some in self._kinds.items():
-            chosen[kind] = finalists(self.tried.first(some, len(some)), self.space.point(self.base))
-        unique = {settings_key(one.algorithm): one for some in chosen.values() for one in some}
-        algorithms = [one.algorithm for one in unique.values()]
-        columns = []
-        for bench in self.held_out:
-            self._progress(f"held-out view: {len(algorithms)} settings in turns")
-            columns.append(
-                bench.try_all(algorithms, self.rounds, self.ledger, warm_ups=0, together=True)
-            )
-        finals = {
-            name: candidate(one.role, one.point, one.algorithm, trials, self.held_out)
-            for (name, one), trials in zip(unique.items(), zip(*columns, strict=True), strict=True)
+        """The default and the best few of each kind on the held-out views."""
+        plain = self.space.point(self.base)
+        chosen = {
+            kind: finalists(self.tried.first(some, len(some)), plain)
+            for kind, some in self._kinds.items()
         }
-        return {
-            kind: [finals[settings_key(one.algorithm)] for one in some]
-            for kind, some in chosen.items()
-        }
+        return measured_finals(
+            {"default": [default], **chosen},
+            self.held_out, self.rounds, self.ledger, self._progress,
+        )  # fmt: skip
 
     def _unfinished(self, default: Candidate) -> dict[str, list[Candidate]]:
         """What stands in for the finals where they were not got to: all on the views tuned on."""
@@ -386,42 +357,6 @@ class Tuner:
                 f"{1e3 * tuned.seconds:.3g} ms; asked was {self.goal.words}."
             )
         return f"{outcome.value}."
-
-
-def finalists(ordered: Sequence[Candidate], default: np.ndarray) -> list[Candidate]:
-    """The first of those in order, `FINALISTS` at most, each `APART` from the ones before it.
-
-    Of those with the same error on every view, which differ in what does nothing, the one stands
-    that has most settings of `default` (knobs,).
-    """
-    plainest: dict[tuple[float, ...], Candidate] = {}
-    for one in ordered:
-        errors = tuple(trial.edge_px for trial in one.trials)
-        other = plainest.setdefault(errors, one)
-        if _changed(one, default) < _changed(other, default):
-            plainest[errors] = one
-    chosen: list[Candidate] = []
-    for one in plainest.values():
-        if len(chosen) == FINALISTS:
-            break
-        if all(np.linalg.norm(one.point - other.point) >= APART for other in chosen):
-            chosen.append(one)
-    return chosen
-
-
-def _changed(one: Candidate, default: np.ndarray) -> int:
-    """How many settings differ from the default's."""
-    return int((np.abs(one.point - default) > 1e-9).sum())
-
-
-def grid(space: Space, base: AdaptiveShadowMap) -> list[np.ndarray]:
-    """Points of the grid about the settings of `base`."""
-    points = [space.point(base)]
-    for name, values in GRID.items():
-        k = NAMES.index(name)
-        places = [0.5 if value is None else space.knobs[k].place(value) for value in values]
-        points = [np.r_[p[:k], place, p[k + 1 :]] for p in points for place in places]
-    return points
 
 
 def _places(ranks: Sequence[tuple[float, float]]) -> list[int]:
