@@ -304,6 +304,21 @@ def test_what_runs_the_same_code_is_rehearsed_once(varying, monkeypatch):
         assert [varying.log.count(label) for label in ("a", "b")] == [3 - again, 2]
 
 
+def test_other_lights_are_rehearsed_where_they_run_other_code(varying, monkeypatch):
+    """Numbers that are compiled in, as a cone's cosine, but not places, which are arrays."""
+    monkeypatch.setattr(bench_module, "_REHEARSED", set())
+    bench = disc_bench(log=varying.log)
+    frame = bench.frame
+    for one, builds in (
+        (frame, 2),
+        (replace(frame, origin=frame.origin + 1e-6), 1),
+        (replace(frame, cos_cutoff=-0.5), 2),
+    ):
+        varying.log.clear()
+        replace(bench, frame=one).try_all([varying("a")], 1, warm_ups=0)
+        assert varying.log.count("a") == builds
+
+
 def test_the_same_image_is_judged_once(varying, bench, monkeypatch):
     ready(bench, varying)
     judged = []

@@ -11,7 +11,7 @@ PACKAGE = Path(__file__).parents[1] / "asmjax"
 # Lowest first; what stands in one row may not import its neighbours either.
 LAYERS = [
     {"errors", "paths", "machine", "numerics"},
-    {"memory"},
+    {"memory", "toml_files"},
     {"options"},
     {"geometry"},
     {"buffers"},
@@ -28,7 +28,17 @@ LAYERS = [
     {"job_memory"},
     {"preparation"},
     {"planning"},
-    {"main_job", "walkthrough_job", "analyze_job", "compare_job", "tune_job", "plan_job"},
+    {"sweep"},
+    {
+        "main_job",
+        "walkthrough_job",
+        "analyze_job",
+        "compare_job",
+        "tune_job",
+        "plan_job",
+        "sweep_job",
+        "report_job",
+    },
     {"cli"},
     {"__init__", "__main__"},
 ]
@@ -43,6 +53,8 @@ MAY_IMPORT_RENDER = {
     "tune_job",
     "planning",
     "plan_job",
+    "sweep",
+    "sweep_job",
     "cli",
     "__init__",
     "render",

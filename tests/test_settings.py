@@ -35,7 +35,8 @@ from asmjax.shadow import (
     write_settings,
 )
 from asmjax.shadow.filtered import KERNELS
-from asmjax.shadow.settings import LARGEST_FILE, meanings, setting_types
+from asmjax.shadow.settings import meanings, setting_types
+from asmjax.toml_files import LARGEST_FILE
 
 PAGE = Path(__file__).parents[1] / "docs/settings.md"
 

@@ -65,6 +65,13 @@ COMMANDS = {
         "asmjax.plan_job:run_plan",
         measures=True,
     ),
+    "sweep": Command(
+        "A parameter sweep from a TOML file: axes over scenes, views, lights, algorithms and "
+        "settings, on this machine or a cluster; what is finished is never run again.",
+        "asmjax.options:SweepOptions",
+        "asmjax.sweep_job:run_sweep_job",
+        measures=True,
+    ),
     "scenes": Command(
         "The built-in scenes, with their views and lights.",
         "asmjax.options:ScenesOptions",

@@ -5,6 +5,7 @@ from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import Any, NamedTuple
 
+import equinox as eqx
 import jax
 import numpy as np
 
@@ -107,6 +108,7 @@ class Bench:
         predicted: bool = False,
         warm_ups: int = 1,
         together: bool = False,
+        images: dict[int, np.ndarray] | None = None,
     ) -> list[Trial]:
         """Build each from nothing and query it, `rounds` times in turns after `warm_ups` turns.
 
@@ -118,6 +120,7 @@ class Bench:
             predicted: also predict the displacement of edges (M4), outside of what is timed.
             together: what the ledger knows counts only if all of it was measured in turns with the
                 same others: times that are compared with one another must be of one while.
+            images: gets the visibility (n,) of the last run of each that is measured, by place.
 
         Raises:
             UseError: as `build` does.
@@ -129,7 +132,7 @@ class Bench:
         known = [None if ledger is None else ledger.get(key) for key in keys]
         if together and None in known:
             known = [None] * len(known)
-        calls: dict[str, Callable[[], _Run]] = {
+        calls = {
             str(number): _Try(self, algorithm, predicted)
             for number, (algorithm, found) in enumerate(zip(algorithms, known, strict=True))
             if found is None
@@ -139,6 +142,8 @@ class Bench:
         for number, (algorithm, found) in enumerate(zip(algorithms, known, strict=True)):
             if found is None:
                 trial = self._trial(algorithm, turns[str(number)], turns[RAYS])
+                if images is not None:
+                    images[number] = calls[str(number)].image
                 if ledger is not None:
                     ledger.add(keys[number], trial.record())
             else:
@@ -260,12 +265,18 @@ class _Try:
         seconds = {**cost.seconds, "query": query}
         return _Run(seconds, *self._judged, cost, algorithm.status(state))
 
+    @property
+    def image(self) -> np.ndarray:
+        """(n,) visibility of the last run."""
+        assert self._image is not None  # there was one
+        return self._image
+
     def _rehearse(self) -> None:
         """Compile what settings of this program may call. Under a limit of time a build that
         compiles gets nowhere, and the next one would compile again."""
         bench, algorithm = self.bench, self.algorithm
         sizes = tuple(some.points.count for some in bench._seen)
-        program = algorithm.program(bench.frame), bench.eyes[0].size, sizes
+        program = algorithm.program(bench.frame), _form(bench.frame), bench.eyes[0].size, sizes
         if program in _REHEARSED:
             return
         state = algorithm.rehearse(bench.eyes[0], bench.frame, bench.rays)
@@ -278,6 +289,13 @@ class _Try:
         maps = aliasing_maps(self.algorithm, state, eye, bench.frame)
         # Truth is judged as it is drawn: of several samples a pixel counts as most of them.
         return displacement(bench.truth, bench.truth, eye, maps).predicted
+
+
+def _form(tree: object) -> Hashable:
+    """Equal for trees that share compiled code: shapes of arrays, all other values themselves."""
+    leaves, structure = jax.tree.flatten(tree)
+    kinds = ((leaf.shape, leaf.dtype) if eqx.is_array(leaf) else leaf for leaf in leaves)
+    return structure, tuple(kinds)
 
 
 def _mean(errors: Sequence[dict]) -> dict:

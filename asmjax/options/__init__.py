@@ -46,6 +46,7 @@ from asmjax.options.groups import (
     ViewOptions,
     WalkOptions,
 )
+from asmjax.options.sweep import StoreOptions, SweepOptions, SweptOptions, WorkerOptions
 
 __all__ = [
     "AnalyzeOptions",
@@ -78,6 +79,9 @@ __all__ = [
     "SceneOptions",
     "ScenesOptions",
     "SearchOptions",
+    "StoreOptions",
+    "SweepOptions",
+    "SweptOptions",
     "TOLERANCE",
     "TrialOptions",
     "TuneOptions",
@@ -85,5 +89,6 @@ __all__ = [
     "ViewJobOptions",
     "ViewOptions",
     "WalkOptions",
+    "WorkerOptions",
     "force_of",
 ]

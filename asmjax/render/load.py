@@ -194,7 +194,7 @@ def load_scene(
     name = os.fspath(source)
     if is_builtin(name):
         return _from_spec(activate(variant), load_builtin(name), limit)
-    path = _scene_file(name)
+    path = scene_file(name)
     mi = activate(variant)
     admitted = None if trust else admit(path, variant, limit.room)
     if admitted is not None:
@@ -205,8 +205,9 @@ def load_scene(
     return _from_mitsuba(path.stem, parsed, mi)
 
 
-def _scene_file(name: str) -> Path:
-    """The scene file of that name. Raises `UseError` where there is none."""
+def scene_file(name: str) -> Path:
+    """The scene file of that name. Raises `UseError` where there is none; of a mere word
+    with the nearest built-in name."""
     path = Path(name)
     try:
         exists, folder, file = path.exists(), path.is_dir(), path.is_file()

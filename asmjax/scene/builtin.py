@@ -2,7 +2,7 @@
 
 import importlib
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import ModuleType
 
 from asmjax.errors import UseError, unknown_name
@@ -116,18 +116,43 @@ def load_builtin(name: str) -> SceneSpec:
             triangles, or one after the name of a scene that has its own.
     """
     base, colon, size = name.partition(":")
-    if base not in BUILTIN:
-        raise unknown_name("built-in scene", name, BUILTIN)
+    _check_name(name)
     if not colon:
         return BUILTIN[name]()
-    if base not in SIZED:
+    module, make = _maker(base)
+    return make(module.SIZES.parse(size), name)
+
+
+def _check_name(name: str) -> None:
+    base, colon, size = name.partition(":")
+    if base not in BUILTIN:
+        raise unknown_name("built-in scene", name, BUILTIN)
+    if colon and base not in SIZED:
         raise UseError(
             f"the scene '{base}' has one size, so '{name[:80]}' is none; allowed: "
             f"{', '.join(SIZED)} with a number of triangles, such as {SIZED[0]}:10k; leave "
             f"':{size[:40]}' out."
         )
-    module, make = _maker(base)
-    return make(module.SIZES.parse(size), name)
+
+
+def scene_item(name: str) -> SceneItem:
+    """The list entry of the scene called `name`, which is not built. Of a size after a colon it has
+    the name, and the triangles that are asked for.
+
+    Raises:
+        UseError: as `load_builtin`, or a size outside its range.
+    """
+    base, colon, size = name.partition(":")
+    if base in ANALYTIC_SCENES and not colon:
+        return describe(ANALYTIC_SCENES[base]().spec)
+    _check_name(name)
+    item = next(item for item in _ITEMS if item.name == base)
+    if not colon:
+        return item
+    sizes = _maker(base)[0].SIZES
+    triangles = sizes.parse(size)
+    sizes.check(triangles)
+    return replace(item, name=name, triangles=triangles)
 
 
 def list_scenes() -> list[SceneItem]:

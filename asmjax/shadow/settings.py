@@ -22,7 +22,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import fields
 from functools import cache
 from inspect import cleandoc
-from pathlib import Path
 from types import UnionType
 from typing import Annotated, Any, Literal, NamedTuple, get_args, get_origin, get_type_hints
 
@@ -33,9 +32,7 @@ from asmjax.errors import UseError, require, unknown_name
 from asmjax.paths import write_atomic
 from asmjax.shadow.base import ShadowAlgorithm
 from asmjax.shadow.registry import ALGORITHMS
-
-LARGEST_FILE = 2**20
-"""Bytes of the largest file that is read."""
+from asmjax.toml_files import read_toml
 
 MOST_MEMORY = 2**50
 """Largest memory limit in bytes; what has to fit is checked where it is known."""
@@ -88,18 +85,14 @@ def read_settings(path: str | os.PathLike) -> ShadowAlgorithm:
         UseError: the file cannot be read, is no TOML (with the line), or is not as `algorithm_of`
             wants it; the message names the file.
     """
-    text = _text_of(Path(path))
+    mapping = read_toml(path, "settings file")
     try:
-        return algorithm_of(tomllib.loads(text))
+        return algorithm_of(mapping)
     except UseError as problem:
         raise UseError(f"settings file '{path}': {problem}") from problem
-    except tomllib.TOMLDecodeError as problem:
-        last = len(text.splitlines())
-        said = str(problem).replace("(at end of document)", f"(at the end, line {last})")
-        raise UseError(f"settings file '{path}' is no TOML: {said}; mend it there.") from problem
     except (ValueError, RecursionError) as problem:
         raise UseError(
-            f"settings file '{path}' has a number too long or brackets too deep to read; mend it."
+            f"settings file '{path}' has a number too long or tables too deep to read; mend it."
         ) from problem
 
 
@@ -248,36 +241,15 @@ def _bare(annotation: Any) -> Any:
     return annotation
 
 
-def _text_of(path: Path) -> str:
-    try:
-        with path.open("rb") as file:
-            data = file.read(LARGEST_FILE + 1)
-    except OSError as problem:
-        raise UseError(
-            f"cannot read the settings file '{str(path)[:80]}' ({problem.strerror}); name another."
-        ) from problem
-    require(
-        len(data) <= LARGEST_FILE,
-        f"'{path}' is larger than {LARGEST_FILE} bytes; that is no settings file.",
-    )
-    try:
-        # Some editors begin a file with a byte-order mark.
-        return data.decode("utf-8-sig")
-    except UnicodeDecodeError as problem:
-        line = data[: problem.start].count(b"\n") + 1
-        raise UseError(
-            f"settings file '{path}' is not in UTF-8 (line {line}); save it as UTF-8 text."
-        ) from problem
-
-
 def _check_keys(mapping: Mapping[str, Any]) -> None:
-    settings = {name for algorithm in ALGORITHMS.values() for name in allowed_names(algorithm)}
     for key in mapping:
+        if key in ("algorithm", "settings"):
+            continue
         require(
-            key not in settings, f"{key} is a setting; write it below a line that says [settings]."
+            not any(key in allowed_names(algorithm) for algorithm in ALGORITHMS.values()),
+            f"{key} is a setting; write it below a line that says [settings].",
         )
-        if key not in ("algorithm", "settings"):
-            raise unknown_name("key", key, ("algorithm", "settings"))
+        raise unknown_name("key", key, ("algorithm", "settings"))
 
 
 def _family_in(mapping: Mapping[str, Any]) -> str:

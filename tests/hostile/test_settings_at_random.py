@@ -15,7 +15,8 @@ from asmjax.cli.parse import parse
 from asmjax.errors import UseError
 from asmjax.shadow import ALGORITHMS, read_settings
 from asmjax.shadow.base import ShadowAlgorithm
-from asmjax.shadow.settings import LARGEST_FILE, allowed_names
+from asmjax.shadow.settings import allowed_names
+from asmjax.toml_files import LARGEST_FILE
 from hostile.mutations import mutated
 
 HARD = effort(1, 10)

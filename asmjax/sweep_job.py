@@ -1,0 +1,161 @@
+"""`asmjax sweep`: all trials of a sweep file, each run once."""
+
+import logging
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import dask.config
+from tqdm import tqdm
+
+from asmjax import machine
+from asmjax.errors import UseError
+from asmjax.experiment.code import code_facts
+from asmjax.options.sweep import SweepOptions
+from asmjax.preparation import check_writable
+from asmjax.sweep.config import Sweep, sweep_of
+from asmjax.sweep.driver import SweepProgress, SweepResult, SweepStatus, run_sweep
+from asmjax.sweep.ended import End
+from asmjax.sweep.estimate import Estimate, estimate
+from asmjax.sweep.store import BASE, Row, Store, stored_rows
+from asmjax.sweep.summary import SweepSummary, write_summary
+from asmjax.sweep.trial import run_trial
+
+_log = logging.getLogger("asmjax")
+
+
+class SweepBar:
+    """Progress on a bar: rate and time left, failures, and who works."""
+
+    def __init__(self, bar: tqdm):
+        self._bar, self._begun = bar, False
+
+    def __call__(self, now: SweepProgress) -> None:
+        if not self._begun:
+            # What was finished before took no time of this run: the rate is of the others.
+            self._begun = True
+            self._bar.reset(total=now.total - now.skipped)
+        self._bar.n = now.done + now.failed
+        busy = f"{now.workers} workers" if now.workers != 1 else "1 worker"
+        said = {"failed": now.failed, "known": now.skipped}
+        told = [busy if now.workers else "waiting for workers"]
+        told += [f"{count} {name}" for name, count in said.items() if count]
+        self._bar.set_postfix_str(", ".join(told), refresh=False)
+        self._bar.refresh()
+        if now.cause:
+            self._bar.write(f"trial {now.last} failed: {now.cause}", file=sys.stderr)
+
+
+def run_sweep_job(options: SweepOptions) -> SweepSummary | None:
+    """Run what is not finished yet, keep it below `options.out`, and print what happened.
+
+    Returns None where the options ask to count only.
+
+    Raises:
+        UseError: a wrong file or wrong options, before anything is written or run; or the
+            scheduler was lost on the way.
+        KeyboardInterrupt: with a message that says where the finished trials are.
+    """
+    assert options.config is not None  # the options see to it
+    sweep = sweep_of(
+        Path(options.config),
+        smoke=options.smoke,
+        trust_scene=options.trust_scene,
+        variant=options.variant,
+    )
+    folder = Path(options.out or f"out/sweep-{sweep.name}")
+    check_writable(folder)
+    rows = stored_rows(folder) if (folder / BASE).is_file() else []
+    expected = _expected(sweep, rows, options)
+    if not options.quiet:
+        print(_announced(sweep, rows, expected))
+    _warn_of_other_code(sweep, rows)
+    if options.count:
+        return None
+    start = time.monotonic()
+    with Store.open(folder) as store:
+        result = _run(sweep, store, options)
+    summary = SweepSummary(
+        file=options.config,
+        sweep=sweep,
+        result=result,
+        workers=0 if _scheduler(options) else _workers(options),
+        scheduler=_scheduler(options),
+        estimate=expected,
+        seconds=time.monotonic() - start,
+    )
+    write_summary(summary, folder, ["asmjax", *sys.argv[1:]])
+    if not options.quiet:
+        print(summary.text(folder))
+    _raise_if_left(result, folder)
+    return summary
+
+
+def _run(sweep: Sweep, store: Store, options: SweepOptions) -> SweepResult:
+    # Dask tells every step of its workers; whatever matters of it is in the progress.
+    silent = dask.config.set({"logging.distributed": "critical"})
+    with silent, tqdm(disable=options.quiet or None, leave=False, unit="trial") as bar:
+        return run_sweep(
+            sweep.trials,
+            store,
+            run=run_trial,
+            workers=_workers(options),
+            scheduler=options.scheduler,
+            scheduler_file=None if options.scheduler_file is None else Path(options.scheduler_file),
+            deadline_s=sweep.deadline_s,
+            progress=SweepBar(bar),
+            again=options.retry,
+        )
+
+
+def _workers(options: SweepOptions) -> int:
+    """Processes on this machine."""
+    return machine.usable_cores() if options.workers is None else options.workers
+
+
+def _scheduler(options: SweepOptions) -> str | None:
+    return options.scheduler or options.scheduler_file
+
+
+def _expected(sweep: Sweep, rows: list[Row], options: SweepOptions) -> Estimate:
+    """The time of the trials that are to be run."""
+    settled = {row.key for row in rows if row.status == End.DONE or not options.retry}
+    waiting = [trial for trial in sweep.trials if trial.key not in settled]
+    found = estimate(waiting, 1 if _scheduler(options) else _workers(options))
+    return replace(found, trials=len(waiting))
+
+
+def _announced(sweep: Sweep, rows: list[Row], expected: Estimate) -> str:
+    """How many trials there are and what they will take, in a line."""
+    known = len(sweep.trials) - expected.trials
+    parts = [f"sweep {sweep.name}: {len(sweep.trials)} trials"]
+    if sweep.merged:
+        parts.append(f"{sweep.merged} more combinations come to the same")
+    if known:
+        parts.append(f"{known} are finished")
+    if expected.trials:
+        parts.append(f"{expected.trials} to run, {expected.words} by rule of thumb")
+    return ", ".join(parts)
+
+
+def _warn_of_other_code(sweep: Sweep, rows: list[Row]) -> None:
+    wanted, code = {trial.key for trial in sweep.trials}, code_facts()["code"]
+    other = [
+        row for row in rows
+        if row.key in wanted and row.status == End.DONE and row.record.get("code") != code
+    ]  # fmt: skip
+    if other:
+        _log.warning(
+            "%d of the finished trials were measured by other code than this; choose another --out "
+            "to measure them again.",
+            len(other),
+        )
+
+
+def _raise_if_left(result: SweepResult, folder: Path) -> None:
+    kept = f"what is finished is in {folder}/; the same command goes on from there"
+    if result.status is SweepStatus.INTERRUPTED:
+        raise KeyboardInterrupt(f"{len(result.left)} trials are left; {kept}")
+    if result.status is SweepStatus.LOST:
+        raise UseError(f"the scheduler was lost, {len(result.left)} trials are left; {kept}.")
