@@ -10,6 +10,7 @@ import queue
 import signal
 import time
 import uuid
+import warnings
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
@@ -19,6 +20,7 @@ import cloudpickle
 import dask.config
 from distributed import Client, KilledWorker, LocalCluster, Security, WorkerPlugin
 from distributed.client import Future
+from distributed.utils import silence_logging_cmgr
 
 from asmjax import machine
 from asmjax.errors import UseError
@@ -161,7 +163,10 @@ class Workers:
 def _own_cluster(workers: int) -> Iterator[Client]:
     """A client of a cluster on this machine: loopback only, no dashboard, one thread a worker."""
     # Dask would set variables of this process, and so of all that it starts later.
-    with dask.config.set({"distributed.nanny.pre-spawn-environ": {}}):
+    unset = dask.config.set({"distributed.nanny.pre-spawn-environ": {}})
+    with unset, warnings.catch_warnings():
+        # On a busy machine it takes a second, which says nothing about its disk.
+        warnings.filterwarnings("ignore", "Creating scratch directories")
         cluster = LocalCluster(
             n_workers=workers,
             threads_per_worker=1,
@@ -192,7 +197,8 @@ def _connected(address: str) -> Iterator[Client]:
             f"no scheduler answers at '{address}' within {CONNECT:g} s ({problem}); start one: "
             "dask scheduler."
         ) from problem
-    with client:
+    # What comes and goes is the driver's to tell.
+    with silence_logging_cmgr(logging.CRITICAL), client:
         yield client
 
 

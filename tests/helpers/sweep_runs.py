@@ -72,8 +72,8 @@ def driven(
 
     Args:
         kept: gets the keys that it tells of, with the time.
-        kill_after: seconds from its start.
-        kill_at: that many are in `kept`.
+        kill_after: so many seconds from its start, or from `kill_at` on.
+        kill_at: when that many are in `kept`.
     """
     last = ""
     with subprocess.Popen(
@@ -81,13 +81,14 @@ def driven(
     ) as process:
         assert process.stdout is not None and process.stderr is not None
         timer = threading.Timer(kill_after or 0, process.kill)
-        if kill_after is not None:
+        if kill_after is not None and kill_at is None:
             timer.start()
         for line in process.stdout:
             word, *rest = line.split()
             if word == "kept" and len(rest) == 2:
                 kept[rest[0]] = float(rest[1])
-                if kill_at is not None and len(kept) >= kill_at:
+                if kill_at is not None and len(kept) >= kill_at and process.poll() is None:
+                    time.sleep(kill_after or 0)
                     process.kill()
             elif line.endswith("\n"):
                 last = line.strip()
