@@ -6,12 +6,10 @@ from pathlib import Path
 import jax
 import numpy as np
 
-from asmjax.buffers import TexelWindows
 from asmjax.experiment import RunResult
-from asmjax.report.figures import RunPictures, TreePicture, write_figures
+from asmjax.report.figures import RunPictures, write_figures
 from asmjax.report.measured import (
     cost_model_record,
-    light_parts,
     light_text,
     method_records,
     missing_text,
@@ -23,6 +21,7 @@ from asmjax.report.outputs import ANALYSIS, PLAN, WALKTHROUGH, remove
 from asmjax.report.provenance import provenance
 from asmjax.report.record import map_summary, run_report, write_json
 from asmjax.report.table import METHOD_COLUMNS, SOFT_COLUMNS, has_penumbrae, write_csv
+from asmjax.report.view_pictures import tree_picture, view_pictures
 from asmjax.shadow.adaptive import AdaptiveState
 
 
@@ -40,7 +39,7 @@ def write_results(result: RunResult, folder: Path, *, seed: int, save_arrays: bo
         write_arrays(
             folder / "arrays.npz", result.eyes[0], result.truth, result.methods, result.maps
         )
-    write_figures(_pictures(result, report), folder)
+    write_figures(pictures_of(result, report), folder)
     return report
 
 
@@ -72,24 +71,21 @@ def report_of(result: RunResult, seed: int) -> dict:
     )
 
 
-def _pictures(result: RunResult, report: dict) -> RunPictures:
-    eye = result.eyes[0]
-    size = eye.size
-    direct, ambient = light_parts(eye, result.frame)
+def pictures_of(result: RunResult, report: dict) -> RunPictures:
+    """What the figures of a run are drawn from; `report` as of `report_of`."""
     tree = next(m.state for m in result.methods if isinstance(m.state, AdaptiveState))
-    _, log2_resolution = result.adaptive.lookup(tree, eye.points)
+    _, log2_resolution = result.adaptive.lookup(tree, result.eyes[0].points)
     receives = np.isfinite(result.maps["m"])
-    return RunPictures(
-        title=f"{result.scene}, {result.view.name}{_missing(result)}",
-        direct=direct,
-        ambient=ambient,
-        valid=eye.valid.reshape(size),
-        truth=result.truth.visibility.reshape(size),
-        visibilities={m.name: m.visibility.reshape(size) for m in result.methods},
+    return view_pictures(
+        f"{result.scene}, {result.view.name}{_missing(result)}",
+        result.eyes[0],
+        result.frame,
+        result.truth.visibility,
+        {m.name: m.visibility for m in result.methods},
+        maps=result.maps,
         methods=report["methods"],
-        maps={name: values.reshape(size) for name, values in result.maps.items()},
-        log2_resolution=np.where(receives, np.asarray(log2_resolution), np.nan).reshape(size),
-        tree=_tree_picture(result, tree),
+        log2_resolution=np.where(receives, np.asarray(log2_resolution), np.nan),
+        tree=tree_picture(result.adaptive, tree, result.frame, result.rays),
     )
 
 
@@ -97,22 +93,3 @@ def _missing(result: RunResult) -> str:
     """What no method has, in the words that every figure's title ends with."""
     plan = result.plan or {"not_simulated": []}
     return missing_text(item["effect"] for item in plan["not_simulated"])
-
-
-def _tree_picture(result: RunResult, state: AdaptiveState) -> TreePicture:
-    nodes = result.adaptive.nodes(state)
-
-    def cast(face: int, u: float, v: float, size: float, side: int) -> np.ndarray:
-        corner, texel = np.array([[u], [v]]), np.full((2, 1), size / side)
-        windows = TexelWindows(np.array([face]), corner, texel, side)
-        return result.rays.light_buffer(result.frame, windows).depth[0]
-
-    return TreePicture(
-        level=nodes.level,
-        face=nodes.face,
-        lo=nodes.lo,
-        size=nodes.size,
-        node_resolution=result.adaptive.node_resolution,
-        faces=result.frame.faces,
-        cast=cast,
-    )
