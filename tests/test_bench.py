@@ -203,7 +203,7 @@ def error_of(bench: Bench, visibility: np.ndarray) -> dict:
     return error_summary(*images, pairs=pairs)
 
 
-@pytest.mark.parametrize("samples", [1, 2])
+@pytest.mark.parametrize("samples", [pytest.param(1, marks=pytest.mark.slow), 2])
 def test_a_trial_holds_what_measuring_alone_gives(samples, tmp_path):
     """Errors, memory, texels, rays and status of each kind of map; through a file and back."""
     bench = disc_bench(samples)

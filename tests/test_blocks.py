@@ -99,8 +99,8 @@ def closer(name: str) -> Case:
     ("name", "wide"),
     [
         ("a4_disc_light", False),
-        ("a6_sphere", False),
         ("a6_sphere_sun", False),
+        pytest.param("a6_sphere", False, marks=pytest.mark.slow),
         pytest.param("a6_sphere", True, marks=pytest.mark.slow),
         pytest.param("a6_sphere_sun", True, marks=pytest.mark.slow),
     ],

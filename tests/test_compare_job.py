@@ -326,6 +326,7 @@ def test_what_was_left_out_is_not_missing(tmp_path, monkeypatch):
     assert any("time limit: 2 of 4 trials are missing" in line for line in report["notices"])
 
 
+@pytest.mark.slow
 @pytest.mark.mitsuba
 def test_from_python_nothing_is_written_without_a_folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

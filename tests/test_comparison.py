@@ -4,6 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers.analytic_cases import analytic_case
+from helpers.effort import effort
 from helpers.planes import Plane, square_light, surface_points, tilted, vector
 from helpers.slow_tree import receivers_at
 
@@ -192,7 +193,7 @@ def half_plane(normal, anchor, height) -> Rectangle:
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(effort(2, 20)))
 def test_measured_displacement_is_the_predicted_one(seed):
     """Reference T5. A half-plane's shadow edge under parallel light from a random direction, with
     texels a x b of random size on the receiver: skewed parallelograms. Misclassified area per edge

@@ -83,6 +83,7 @@ def test_experiment_finds_first_order_convergence(capsys, monkeypatch):
     assert all(-1.6 < slope < -0.7 for slope in slopes)
 
 
+@pytest.mark.slow
 @pytest.mark.mitsuba
 def test_experiment_finds_what_mip_maps_get_wrong(capsys, monkeypatch):
     """Filtering a stretch of 2 halves the overview's error; reading alone stays within 6.15 %."""
@@ -95,6 +96,7 @@ def test_experiment_finds_what_mip_maps_get_wrong(capsys, monkeypatch):
     assert twofold < 0.6 * isotropic
 
 
+@pytest.mark.slow
 def test_kernel_times_are_a_table_with_a_column_for_each_device(tmp_path, monkeypatch):
     """The page names the device, and says so where there is no GPU; the one in docs/ is such a
     page."""

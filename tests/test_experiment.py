@@ -56,7 +56,7 @@ def test_settings_leave_the_calibration_out():
     assert "cost_model" not in settings
 
 
-@pytest.mark.parametrize("samples", [1, 3])
+@pytest.mark.parametrize("samples", [pytest.param(1, marks=pytest.mark.slow), 3])
 def test_measured_uniform_map(samples):
     """Rays, bytes and passes are those of one build, however often it was repeated."""
     case = analytic_case("a1_square", 32)

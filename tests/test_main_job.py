@@ -127,6 +127,7 @@ def test_samples_give_fractions_and_the_seed_repeats_them(tmp_path, no_figures):
     assert (truths[0] != truths[2]).any()
 
 
+@pytest.mark.slow
 def test_one_pixel_and_a_folder_used_again(tmp_path):
     """A single receiver has a light frame too; files of an earlier run do not stay behind."""
     words = ["run", "letter_f", "--memory-mb", "1", "--repeats", "1", "--quiet"]
@@ -326,6 +327,7 @@ def test_results_that_cannot_be_written_are_refused_before_the_work(tmp_path, ca
     assert "--out" in capfd.readouterr().err
 
 
+@pytest.mark.slow
 def test_notices_are_told_once(tmp_path, caplog, no_figures):
     """An area lamp becomes a point and a sky is left out: a line each, in the report too."""
     lights = LIGHT + '<emitter type="constant" id="sky"/>'

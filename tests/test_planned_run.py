@@ -107,6 +107,7 @@ def test_samples_are_as_many_as_their_maps_have_texels_for():
     assert errors[0] == min(errors)
 
 
+@pytest.mark.slow
 @pytest.mark.mitsuba
 def test_what_is_not_simulated_is_in_every_title(tmp_path, monkeypatch):
     """A pane that lets light through is opaque here, and each figure says so."""

@@ -98,8 +98,15 @@ def closed_layout(case, k: int, falloff: str, texels: float) -> Layout:
     return Layout(*(jnp.asarray(part) for part in (u, edges[1:-1], ones / ones.size, ones)))
 
 
-@pytest.mark.parametrize("measure", ["m", "perspective"])
-@pytest.mark.parametrize("name", ["plane", "a6_sphere"])
+@pytest.mark.parametrize(
+    ("name", "measure"),
+    [
+        ("plane", "m"),
+        ("a6_sphere", "perspective"),
+        pytest.param("plane", "perspective", marks=pytest.mark.slow),
+        pytest.param("a6_sphere", "m", marks=pytest.mark.slow),
+    ],
+)
 def test_prediction_is_the_error_of_the_built_map(name, measure, x64):
     """`density` times the pixel's Jacobian of the map that the sibling makes of the same numbers:
     parallel light and a lamp of three faces, one warp and four partitions. The map measures at the

@@ -47,7 +47,7 @@ LIGHTS = ("a6_sphere", "a6_sphere_sun")
 
 VARIED = (
     "logarithmic-uniform", "partitioned-warped", "filtered-sixteen", "filtered-original", "moment",
-    "filtered",
+    "filtered", "tuned",
 )  # fmt: skip
 """Variants that the quick run leaves to the others, and families that have files of their own."""
 
@@ -183,7 +183,15 @@ def test_every_sibling_is_made_for_something():
     assert avenue("lamp").frame.faces == 5
 
 
-@pytest.mark.parametrize("made", MADE, ids=lambda made: made.name)
+@pytest.mark.parametrize(
+    "made",
+    [
+        pytest.param(
+            made, id=made.name, marks=[pytest.mark.slow] if made.name.startswith("tuned") else []
+        )
+        for made in MADE
+    ],
+)
 def test_each_sibling_beats_the_uniform_map_on_what_it_is_made_for(made):
     """Fewer wrong pixels with as many bytes, where depths run from 1.3 to 100 (`helpers.made_for`);
     truth is a float64 shadow ray for each pixel, or under a light with a size 256 of them."""

@@ -75,8 +75,14 @@ TRIALS = {
     ),
 }
 
+LEFT = ("sphere", "near", "sun")
+"""What the quick run leaves to the other ones."""
 
-@pytest.mark.parametrize("name", TRIALS)
+
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=[pytest.mark.slow] if name in LEFT else []) for name in TRIALS],
+)
 def test_the_slow_twin_builds_the_same_tree_and_gives_the_same_image(name, x64):
     """After the build, after an update at rest, and after each of two for a moving view."""
     trial = TRIALS[name]

@@ -58,6 +58,7 @@ def test_which_methods_call_for_soft_truth():
     assert not calls_for_soft_truth(area, hard) and not calls_for_soft_truth(None, soft)
 
 
+@pytest.mark.slow
 @pytest.mark.mitsuba
 def test_a_settings_file_of_a_soft_method_is_judged_softly(lamp, tmp_path):
     """Though the plan was told to be hard; hard rays stand beside soft truth, and no two methods
@@ -111,6 +112,7 @@ def test_a_comparison_with_a_soft_method_is_judged_softly(lamp):
     assert plain.shadow_rays(1).wrong == 0
 
 
+@pytest.mark.slow
 @pytest.mark.mitsuba
 def test_a_light_without_a_shadow_is_measured_all_the_same(tmp_path, capsys, monkeypatch):
     """`--force none`: the two hard maps and truth, and a line that says why."""

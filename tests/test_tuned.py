@@ -96,7 +96,7 @@ def test_unconstrained_numbers_are_a_layout_s(x64):
     ("name", "partitions", "warp", "measure"),
     [
         ("plane", 1, "light-space", "m"),
-        ("plane", 3, "none", "perspective"),
+        pytest.param("plane", 3, "none", "perspective", marks=pytest.mark.slow),
         pytest.param("plane", 3, "light-space", "m", marks=pytest.mark.slow),
         pytest.param("lamp", 3, "light-space", "perspective", marks=pytest.mark.slow),
     ],

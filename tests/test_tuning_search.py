@@ -195,6 +195,7 @@ def starts_of(model, goal: Goal, count: int = 20) -> list[np.ndarray]:
     return [points[k] for k in sorted(range(count), key=ranks.__getitem__)[:4]]
 
 
+@pytest.mark.slow
 def test_search_is_as_good_as_brute_force(model):
     """4,000 random points of the box have none that is better by 2 %."""
     goal = Goal(price=PRICE)

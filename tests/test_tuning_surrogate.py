@@ -279,6 +279,7 @@ def trials_of(said, fit: Fit, seed: int = 7, count: int = 30):
     return points, error, seconds
 
 
+@pytest.mark.slow
 def test_known_fits_are_recovered(said, evidence):
     """From trials that a surrogate made, its predictions are found again to 3 %, also of new
     settings; not its numbers, some of which hardly matter. One search in six may get stuck."""

@@ -140,6 +140,7 @@ def test_a_moving_light_lets_nothing_rest():
     assert (now.adaptive.visibility != now.truth.visibility).mean() < 0.02
 
 
+@pytest.mark.slow
 def test_a_moving_object_is_told_by_its_boxes():
     """Truth and maps change where the caster was and is."""
     case = analytic_case("a1_square", SIDE)

@@ -83,6 +83,7 @@ def test_the_light_moves_and_nothing_can_rest(tmp_path):
     assert report["motion"] == "light"
 
 
+@pytest.mark.slow
 def test_an_object_moves(tmp_path):
     """It is named, its boxes are counted, and the maps answer for where it is."""
     report = walk(tmp_path, "letter_f", "--frames", "3", "--motion", "object")

@@ -55,7 +55,10 @@ def at_shadow_edges(lit: np.ndarray, rays, size) -> np.ndarray:
     return np.flatnonzero(edge.ravel() & rays.facing)
 
 
-@pytest.mark.parametrize("view", ["overview", "closeup", "macro"])
+@pytest.mark.parametrize(
+    "view",
+    ["overview", *(pytest.param(near, marks=pytest.mark.slow) for near in ("closeup", "macro"))],
+)
 def test_paper_room(view):
     """31,000 triangles, every ray against every triangle in float64: no disagreement but for
     pixels that a shift of 1e-6 of the coordinates decides. Half the pixels lie at shadow edges;

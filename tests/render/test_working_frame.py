@@ -84,8 +84,15 @@ PLACES = [
     (1.0, 2e4), (1.0, 1e6), (1e-3, 1e3), (1e3, 1e6),
 ]  # fmt: skip
 
+WORST = ((1e-6, 0.0), (1e6, 0.0), (1.0, 1e6))
+"""All that the quick run tries."""
 
-@pytest.mark.parametrize(("scale", "offset"), PLACES)
+EACH_PLACE = [
+    pytest.param(*place, marks=[] if place in WORST else [pytest.mark.slow]) for place in PLACES
+]
+
+
+@pytest.mark.parametrize(("scale", "offset"), EACH_PLACE)
 @pytest.mark.parametrize("light", ["point", "directional"])
 def test_truth_is_right_at_any_scale_and_offset(scale, offset, light):
     """Against float64 shadow rays at the triangles that the spec gives, and as full of light as
