@@ -22,9 +22,9 @@ LONG = 60.0
 """A deadline that no trial meets, seconds."""
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def process():
-    """A process for trials, ended after the test."""
+    """A process for trials; each start takes a quarter of a second."""
     watching = WatchedProcess()
     yield watching
     watching.close()
@@ -78,12 +78,21 @@ def test_deadline_and_memory_end_a_trial_whatever_it_does(process):
     assert ended(process).status == End.DONE
 
 
-def test_a_trial_can_be_stopped(process):
-    ended(process)
-    threading.Timer(0.3, process.stop).start()
+def test_a_trial_can_be_stopped(process, tmp_path):
+    log = tmp_path / "log"
+
+    def stop() -> None:
+        while not log.exists():
+            time.sleep(0.01)
+        process.stop("another sweep")
+        process.stop()
+
+    stopping = threading.Thread(target=stop)
+    stopping.start()
     start = time.monotonic()
-    found = ended(process, do="sleep", seconds=LONG)
-    assert time.monotonic() - start < 10
+    found = ended(process, do="sleep", seconds=LONG, log=str(log))
+    stopping.join()
+    assert time.monotonic() - start < LONG
     assert (found.status, found.attempts) == (End.CRASHED, 1) and "SIGKILL" in found.error
 
 

@@ -2,7 +2,7 @@
 
     found = results("out/sweep-first")
     found.to_csv("first.csv")
-    wrong = found.to_xarray(dims=("memory_mb", "view"))["error.wrong_fraction"]
+    wrong = found.to_xarray(dims=("memory_mb", "view"))["error.misclassified_fraction"]
 
 Every trial has one row. Tables within configurations and records become columns with dots in their
 names, as "settings.node_resolution"; a result that has the name of a setting becomes "result.NAME".
@@ -29,6 +29,10 @@ from asmjax.sweep.store import Row, stored_rows
 
 FIRST = ("key", "status", "attempts", "cause", "started_utc", "attempt_seconds")
 """Columns of every trial, whatever it measures."""
+
+
+FEW = 6
+"""Names that a message lists."""
 
 
 def results(folder: str | Path) -> "Results":
@@ -182,7 +186,7 @@ class Results:
         require(
             len(taken) == len(self),
             f"{len(self)} trials share {len(taken)} values of {', '.join(dims)}: they differ in "
-            f"{', '.join(others) or 'nothing else'} too; name more dimensions, or none.",
+            f"{_listed(others)} too; name more dimensions, or none.",
         )
         return axes, tuple(places)
 
@@ -225,6 +229,12 @@ def _flat(table: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any
             yield from _flat(value, f"{prefix}{name}.")
         else:
             yield f"{prefix}{name}", json.dumps(value) if isinstance(value, list) else value
+
+
+def _listed(names: Sequence[str]) -> str:
+    """The first few, and how many more there are."""
+    shown = ", ".join(names[:FEW]) or "nothing else"
+    return f"{shown} and {len(names) - FEW} more" if len(names) > FEW else shown
 
 
 def _hashable(value: Any) -> tuple[type, Any]:
