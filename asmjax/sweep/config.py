@@ -107,8 +107,8 @@ def sweep_of(
 
     Raises:
         UseError: no such file, no TOML, an unknown key (the nearest one is suggested), a value that
-            its key may not have, NaN among them, settings that an algorithm refuses, too many
-            trials, or none; in one line with the place in the file.
+            its key may not have, NaN among them, settings that an algorithm refuses, or too many
+            trials; in one line with the place in the file.
     """
     document = read_toml(path, "sweep file")
     try:
