@@ -23,6 +23,15 @@ pytestmark = pytest.mark.mitsuba
 FIGURES = {"shadows", "errors", "maps", "tree", "levels", "accuracy_time"}
 MAPS = ("area_ratio", "linear_ratio", "m", "n_required", "benefit")
 
+
+def pictures(folder: Path) -> set[str]:
+    """The figures in a folder, and pictures of the view under each map that its report names."""
+    report = json.loads((folder / "report.json").read_text(encoding="utf-8"))
+    names = [method["name"] for method in report["methods"]]
+    maps = [name for name in names if not name.startswith("rays")]
+    return FIGURES | {"seen_truth"} | {f"{kind}_{n}" for kind in ("seen", "wrong") for n in maps}
+
+
 SCENE = """<scene version="3.0.0">{sensor}{light}
 <shape type="rectangle"><transform name="to_world"><scale value="4"/></transform></shape>
 <shape type="cube"><transform name="to_world"><scale value="0.5"/>
@@ -62,8 +71,8 @@ def test_run_writes_a_valid_report_and_all_figures(run_folder):
         "adaptive",
         "rays",
     ]
-    assert {path.stem for path in run_folder.glob("*.png")} == FIGURES
-    assert all(path.stat().st_size > 5_000 for path in run_folder.glob("*.png"))
+    assert {path.stem for path in run_folder.glob("*.png")} == pictures(run_folder)
+    assert all((run_folder / f"{name}.png").stat().st_size > 5_000 for name in FIGURES)
     assert (run_folder / "methods.csv").read_text(encoding="utf-8").count("\n") == 4
     memory = report["memory"]
     assert 0 < memory["estimate_bytes"] < memory["limit_bytes"] - memory["held_bytes"]
@@ -137,10 +146,13 @@ def test_one_pixel_and_a_folder_used_again(tmp_path):
     assert report["truth"]["lit_fraction"] == 1.0
     assert fractions(report) == {"uniform": 0.0, "adaptive": 0.0, "rays": 0.0}
     assert (tmp_path / "arrays.npz").exists()
-    (tmp_path / "walkthrough.gif").touch()
+    for name in ("walkthrough.gif", "seen_of-earlier.png", "report.html"):
+        (tmp_path / name).touch()
     assert cli.main([*words, "--size", "8", "8"]) == 0
     assert not (tmp_path / "arrays.npz").exists()
     assert not (tmp_path / "walkthrough.gif").exists()
+    assert not (tmp_path / "report.html").exists()
+    assert {path.stem for path in tmp_path.glob("*.png")} == pictures(tmp_path)
 
 
 def test_the_cost_model_is_kept_and_the_report_says_so(tmp_path, monkeypatch, no_figures):
@@ -192,7 +204,7 @@ def test_another_settings_file_is_one_more_method(tmp_path):
     assert report["methods"][2]["bytes"] >= 64 * 64 * 4
     assert fractions(report)["uniform"] < fractions(report)["light"] < 0.5
     out = tmp_path / "out"
-    assert {path.stem for path in out.glob("*.png")} == FIGURES
+    assert {path.stem for path in out.glob("*.png")} == pictures(out)
     assert "visibility_light-space-64" in np.load(out / "arrays.npz").files
     assert "\nlight-space-64," in (out / "methods.csv").read_text(encoding="utf-8")
 

@@ -19,7 +19,8 @@ from asmjax.report.table import MAX_WIDTH
 from asmjax.report.tune_files import write_tuning
 from asmjax.report.tune_record import report_of_tuning
 from asmjax.report.tune_schema import OUTCOMES, ROLES, TUNING_KEYS
-from asmjax.report.tune_table import setting_words, verdict
+from asmjax.report.tune_table import verdict
+from asmjax.report.tune_words import setting_words
 from asmjax.shadow import read_settings
 from asmjax.tuning.goal import Goal
 from asmjax.tuning.result import Outcome

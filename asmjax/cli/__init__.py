@@ -65,6 +65,12 @@ COMMANDS = {
         "asmjax.plan_job:run_plan",
         measures=True,
     ),
+    "report": Command(
+        "One HTML page of what the commands above wrote: summary in words, charts, pictures to "
+        "slide over each other, tables and provenance, in one file that needs no network.",
+        "asmjax.options:ReportOptions",
+        "asmjax.report_job:run_report",
+    ),
     "sweep": Command(
         "A parameter sweep from a TOML file: axes over scenes, views, lights, algorithms and "
         "settings, on this machine or a cluster; what is finished is never run again.",

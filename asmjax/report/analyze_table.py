@@ -26,7 +26,7 @@ def _of(group: str, head: str, part: str, key: str, unit: str, scale: float = 1.
     return Column(group, head, value, text, f"{key}{unit}")
 
 
-_COLUMNS = (
+ANALYSIS_COLUMNS = (
     _PLAIN["method"],
     _of("m: texel / pixel", "max", "aliasing", "max_m", ""),
     _of("m: texel / pixel", "p95", "aliasing", "p95_m", ""),
@@ -63,9 +63,9 @@ def analysis_table(methods: Sequence[Mapping]) -> str:
     Milliseconds are build, analysis and query together; edges are off by wrong pixels per pixel of
     truth's edge, predicted from the texels' sizes and measured.
     """
-    return table_text(_COLUMNS, methods)
+    return table_text(ANALYSIS_COLUMNS, methods)
 
 
 def write_analysis_csv(path: str | os.PathLike, methods: Sequence[Mapping]) -> None:
     """Write the unrounded numbers, whole or not at all. Raises `OSError` as `open` does."""
-    write_csv(path, methods, (*_COLUMNS, *_FURTHER))
+    write_csv(path, methods, (*ANALYSIS_COLUMNS, *_FURTHER))

@@ -2,6 +2,9 @@
 
 from pathlib import Path
 
+SEEN = ("seen_*.png", "wrong_*.png")
+"""The pictures of a run's view, named after its methods."""
+
 SINGLE_RUN = (
     "methods.csv",
     "arrays.npz",
@@ -11,6 +14,7 @@ SINGLE_RUN = (
     "tree.png",
     "levels.png",
     "accuracy_time.png",
+    *SEEN,
 )
 """What a run of one view writes, beside report.json."""
 
@@ -42,9 +46,13 @@ PLAN = ("plan.png",)
 """What `asmjax plan` writes, beside report.json."""
 
 
+PAGE = "report.html"
+"""The page of a folder, by `asmjax report`."""
+
+
 def remove(folder: Path, patterns: tuple[str, ...]) -> None:
-    """Delete the files in `folder` of those names: of an earlier run, they would not belong to
-    the report that is about to be written."""
-    for pattern in patterns:
+    """Delete the files in `folder` of those names, and its page: of an earlier run, they would not
+    belong to the report that is about to be written."""
+    for pattern in (*patterns, PAGE):
         for path in folder.glob(pattern):
             path.unlink(missing_ok=True)

@@ -8,6 +8,7 @@ import numpy as np
 
 from asmjax.experiment import RunResult
 from asmjax.report.figures import RunPictures, write_figures
+from asmjax.report.figures.seen import write_seen
 from asmjax.report.measured import (
     cost_model_record,
     light_text,
@@ -17,7 +18,7 @@ from asmjax.report.measured import (
     truth_record,
     write_arrays,
 )
-from asmjax.report.outputs import ANALYSIS, PLAN, WALKTHROUGH, remove
+from asmjax.report.outputs import ANALYSIS, PLAN, SEEN, WALKTHROUGH, remove
 from asmjax.report.provenance import provenance
 from asmjax.report.record import map_summary, run_report, write_json
 from asmjax.report.table import METHOD_COLUMNS, SOFT_COLUMNS, has_penumbrae, write_csv
@@ -32,14 +33,16 @@ def write_results(result: RunResult, folder: Path, *, seed: int, save_arrays: bo
     """
     report = report_of(result, seed)
     write_json(folder / "report.json", report)
-    remove(folder, ("arrays.npz", *WALKTHROUGH, *ANALYSIS, *PLAN))
+    remove(folder, ("arrays.npz", *SEEN, *WALKTHROUGH, *ANALYSIS, *PLAN))
     columns = METHOD_COLUMNS + (SOFT_COLUMNS[1:] if has_penumbrae(report["methods"]) else ())
     write_csv(folder / "methods.csv", report["methods"], columns)
     if save_arrays:
         write_arrays(
             folder / "arrays.npz", result.eyes[0], result.truth, result.methods, result.maps
         )
-    write_figures(pictures_of(result, report), folder)
+    pictures = pictures_of(result, report)
+    write_figures(pictures, folder)
+    write_seen(pictures, folder)
     return report
 
 

@@ -274,7 +274,7 @@ def validate_report(report: object) -> None:
     if not isinstance(report, dict):
         raise InvalidReport(f"report: expected an object, got {type(report).__name__}")
     schema = report.get("schema")
-    if schema not in SCHEMAS:
+    if not isinstance(schema, str) or schema not in SCHEMAS:
         expected = " or ".join(f"'{name}'" for name in SCHEMAS)
         raise InvalidReport(f"schema: expected {expected}, got {schema!r}")
     check_keys(report, SCHEMAS[schema])

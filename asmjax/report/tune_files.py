@@ -24,7 +24,8 @@ from asmjax.report.record import write_json
 from asmjax.report.table import MB
 from asmjax.report.tune_record import report_of_tuning
 from asmjax.report.tune_result import TuningResult
-from asmjax.report.tune_table import RIVAL_WORDS, write_tried_csv
+from asmjax.report.tune_table import write_tried_csv
+from asmjax.report.tune_words import RIVAL_WORDS
 from asmjax.shadow import write_settings
 from asmjax.tuning.result import Candidate
 

@@ -8,23 +8,9 @@ from asmjax.experiment.clock import Median
 from asmjax.report.table import MB, Column, significant, table_text, write_csv
 from asmjax.report.tune_record import tried_records
 from asmjax.report.tune_result import TuningResult
+from asmjax.report.tune_words import OTHERS, RIVAL_WORDS, setting_words
 from asmjax.tuning.result import Candidate
 from asmjax.tuning.space import NAMES
-
-RIVAL_WORDS = {
-    "default": "default",
-    "tuned": "tuned",
-    "grid_best": "best of a grid",
-    "random_best": "best at random",
-}
-"""The rivals, for people."""
-
-OTHERS = {
-    "default": "the default",
-    "grid_best": "the best of a grid",
-    "random_best": "the best of a random search",
-}
-"""Those that tuned settings are compared with, within a sentence."""
 
 
 def tuning_text(result: TuningResult) -> str:
@@ -128,17 +114,6 @@ def _settings_text(result: TuningResult) -> str:
     columns = [Column("", "setting", lambda row: row["setting"], str, "setting")]
     rows = [{"setting": setting} for setting in differ]
     return table_text([*columns, *(column(name) for name in rivals)], rows)
-
-
-def setting_words(name: str, value: Any) -> str:
-    """A tuned setting's value with the unit that people use."""
-    if value is None:
-        return "none"
-    if name == "memory_bytes":
-        return f"{value / MB:.4g} MB"
-    if name == "time_limit":
-        return f"{1e3 * value:.3g} ms"
-    return f"{value:.3g}" if 1e-4 <= abs(value) < 1e4 or value == 0 else f"{value:.2g}"
 
 
 def write_tried_csv(path: str | os.PathLike, result: TuningResult) -> None:

@@ -29,7 +29,7 @@ def _nodes(which: str) -> Column:
     )
 
 
-_MEDIAN_COLUMNS = (
+MEDIAN_COLUMNS = (
     *(_PLAIN[head] for head in ("method", "per side", "MB")),
     *(milliseconds(stage) for stage in ("build", "analysis", "query", "total")),
     Column("ASM/", "this", lambda method: method["time_ratio"], significant, ""),
@@ -60,7 +60,7 @@ def walkthrough_table(summary: Mapping) -> str:
     `ASM/this` is the adaptive map's total time in parts of the method's, the median of the
     frames' own ratios.
     """
-    return table_text(_MEDIAN_COLUMNS, summary["methods"])
+    return table_text(MEDIAN_COLUMNS, summary["methods"])
 
 
 def write_frames_csv(path: str | os.PathLike, frames: Sequence[Mapping]) -> None:

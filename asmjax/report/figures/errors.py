@@ -46,7 +46,7 @@ def draw_errors(pictures: RunPictures) -> Figure:
         2 * EDGE + max(columns * width + (columns - 1) * GAP, 560),
         2 * EDGE + rows * (HEAD + height + GAP) + _LEGEND + CAPTION // 2,
     )
-    grow = _growth(pictures, names, height)
+    grow = growth(pictures, names, height)
     for i, name in enumerate(names):
         x = EDGE + (i % columns) * (width + GAP)
         y = EDGE + (i // columns) * (HEAD + height + GAP)
@@ -75,7 +75,7 @@ def draw_errors(pictures: RunPictures) -> Figure:
     return board.figure
 
 
-def _growth(pictures: RunPictures, names: list[str], height: int) -> int:
+def growth(pictures: RunPictures, names: list[str], height: int) -> int:
     """Odd side in image pixels at which to draw a wrong pixel; 1 where there are many."""
     most = max((pictures.error(name).misclassified_fraction for name in names), default=0.0)
     wanted = 2 * round(0.5 * (_DOT * pictures.size[0] / height - 1)) + 1
