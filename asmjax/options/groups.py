@@ -311,7 +311,11 @@ class OutputOptions(FolderOptions):
 class PageOptions:
     """What is shown, and where the page is written."""
 
-    folders: Annotated[tuple[str, ...], Positional, arg(metavar="DIR [DIR ...]")] = ()
+    folders: Annotated[
+        tuple[str, ...],
+        Positional,
+        arg(metavar="DIR [DIR ...]", help_behavior_hint="(one or more)"),
+    ] = ()
     """Folders that asmjax run, analyze, compare, tune or plan wrote, in the order of the page."""
 
     out: Annotated[str | None, _named("FILE", "report.html in the first folder")] = None
