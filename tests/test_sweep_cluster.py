@@ -2,6 +2,7 @@
 
 import json
 import random
+import socket
 import subprocess
 import sys
 import time
@@ -14,6 +15,8 @@ from helpers.sweep_runs import driven, driver, environment, killing, statuses
 from helpers.sweep_trials import fake_trials, run, sleepers
 from test_sweep_driver import LONG, keys, swept
 
+from asmjax.errors import UseError
+from asmjax.sweep import cluster
 from asmjax.sweep.driver import SweepProgress, SweepStatus, run_sweep
 from asmjax.sweep.results import results
 from asmjax.sweep.store import Store
@@ -113,3 +116,16 @@ def test_a_disk_of_any_size_that_gets_full_loses_nothing(tmp_path):
     assert len(full) > 20
     assert all(f"cannot write '{tmp_path}/sweep" in told for told in full)
     assert {one["lost"] for one in disks} == {one["left"] for one in disks} == {0}
+
+
+def test_a_scheduler_that_does_not_answer_is_told(tmp_path, monkeypatch):
+    """Nothing is kept, and the store can be opened again."""
+    monkeypatch.setattr(cluster, "CONNECT", 0.5)
+    with socket.socket() as silent:
+        silent.bind(("127.0.0.1", 0))
+        address = f"tcp://127.0.0.1:{silent.getsockname()[1]}"
+        with pytest.raises(
+            UseError, match=f"no scheduler answers at '{address}' .* dask scheduler"
+        ):
+            swept(tmp_path, fake_trials(1), scheduler=address)
+    assert len(results(tmp_path)) == 0

@@ -30,7 +30,6 @@ from asmjax.sweep.store import Row, stored_rows
 FIRST = ("key", "status", "attempts", "cause", "started_utc", "attempt_seconds")
 """Columns of every trial, whatever it measures."""
 
-
 FEW = 6
 """Names that a message lists."""
 
