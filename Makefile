@@ -4,7 +4,7 @@ ARGS ?=
 BIN := .venv/bin
 
 .DEFAULT_GOAL := run
-.PHONY: setup run test test-hard lint types bench lock
+.PHONY: setup run test test-hard lint types bench docs lock
 
 setup:
 	@scripts/setup
@@ -29,6 +29,11 @@ types: setup
 
 bench: setup
 	@$(BIN)/python -m pytest --benchmark-only --benchmark-warmup=on -q $(ARGS)
+
+# Into build/site; a broken link or reference fails it.
+docs: setup
+	@scripts/setup docs
+	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 
 # A requirements file names versions only; uv.lock would name the registry of whoever made it.
 lock: setup

@@ -59,19 +59,6 @@ def test_every_script_has_a_row_in_its_readme(folder):
         assert f"`{script.name}`" in text
 
 
-@pytest.mark.mitsuba
-def test_first_look_notebook_runs(capsys):
-    """The notebook runs as a script, and its adaptive map is better than its uniform one."""
-    names = runpy.run_path(str(ROOT / "notebooks/first_look.py"))
-    wrong = {
-        line.split()[0].split("-")[0]: float(line.split()[1].rstrip("%"))
-        for line in capsys.readouterr().out.splitlines()
-        if " wrong, " in line
-    }
-    assert wrong["adaptive"] < wrong["uniform"] / 10
-    assert names["tree"].pool.used_pages > 0
-
-
 def test_experiment_finds_first_order_convergence(capsys, monkeypatch):
     """The smoke size of the convergence experiment prints slopes near -1."""
     script = ROOT / "experiments/error_against_resolution.py"
@@ -114,15 +101,6 @@ def test_kernel_times_are_a_table_with_a_column_for_each_device(tmp_path, monkey
     assert ("no column for a GPU" in pages[0]) is (jax.default_backend() != "gpu")
     for page in pages:
         assert "| project + footprint |" in page and "| visibility |" in page
-
-
-def test_readme_names_existing_files():
-    """Every relative link and picture of README leads to a file of the repository."""
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
-    links = re.findall(r"\]\((?!https?:)([^)#]+)", text)
-    assert links
-    for link in links:
-        assert (ROOT / link).exists(), link
 
 
 def test_readme_has_no_blanks():
