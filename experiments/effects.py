@@ -2,28 +2,38 @@
 
 For each scene the plan of its light; how much hard edges change (predicted by the plan, and
 measured against 64 shadow rays a pixel to all of the light); how near the planned method comes; and
-what the method that takes everything into account costs beside the planned one. Suns that the scene
-files have without a disk are planned with one too. Then a run of a point light with the soft
+what the method that takes everything into account costs beside the planned one, as estimated and as
+measured. Suns that the scene files have without a disk are planned with one too. Then pictures of
+what is simulated, of everything, and of their difference; and a run of a point light with the soft
 families registered, and without, in turns.
 
-    python experiments/effects.py [--smoke] [--out DIR]
+    python experiments/effects.py [--smoke] [--out DIR] [--only STEP ...] [--docs]
 
 Takes about 5 minutes on 2 cores. Times are compared, so nothing else may run beside it. Scenes of
-other folders are looked for in ../shared/scenes and left out where absent.
+other folders are looked for in ../shared/scenes and left out where absent. `--docs` writes
+docs/images/skipped.png.
 """
 
 import argparse
-from collections.abc import Mapping
+import io
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
+import matplotlib
 import numpy as np
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+from PIL import Image
 
 from asmjax.buffers import seen_points
 from asmjax.cli.caches import enable_compilation_cache
 from asmjax.effects import TOLERANCE
+from asmjax.effects.decide import MAP_TEXELS
 from asmjax.effects.methods import soft_methods
+from asmjax.effects.probe import light_paths
+from asmjax.effects.records import percent
 from asmjax.experiment import in_turns, median_of, ratio_of, timed
 from asmjax.experiment.bounds import Bound
 from asmjax.experiment.traces import counted_traces
@@ -33,17 +43,28 @@ from asmjax.main_job import measure_scene
 from asmjax.options import RunOptions
 from asmjax.planning import plan_effects
 from asmjax.render.load import Scene, load_scene
+from asmjax.report.figures.board import CAPTION, EDGE, GAP, HEAD, Board, png
+from asmjax.report.figures.shading import shade
+from asmjax.report.figures.style import BACKGROUND, styled
 from asmjax.report.stepwise import StepwiseRecord, head_of
 from asmjax.shadow import ALGORITHMS, AccumulatedShadowMap, ShadowAlgorithm, UniformShadowMap
 from asmjax.shadow.registry import FILTERS, SOFT
 
-SHARED = Path(__file__).parents[2] / "shared" / "scenes"
+ROOT = Path(__file__).parents[1]
+SHARED = ROOT.parent / "shared" / "scenes"
 
 SUN = np.radians(0.5338)
 """The sun's angular diameter, radians."""
 
 RESOLUTION, EVERYTHING = 2048, 8
 """Texels a side of all maps, and samples a side of the light where everything is asked for."""
+
+WIDEST = 0.1
+"""Part of the light at the ends of the pictures' colour scale."""
+
+SKIPPED = f"what is skipped; the tolerance is {percent(TOLERANCE)}"
+
+_BAR, _BAR_LABELS = 18, 84
 
 
 class Subject(NamedTuple):
@@ -55,6 +76,27 @@ class Subject(NamedTuple):
     @property
     def name(self) -> str:
         return f"{self.scene}, sun's disk" if self.disk else self.scene
+
+
+class Pictured(NamedTuple):
+    """A scene in pictures.
+
+    Attributes:
+        title: its name and what is planned.
+        method: what made the first picture.
+        planned, everything: (height, width, 3) uint8, what the plan simulates, and all there is.
+        difference: (height, width) of the first - the second, parts of the light.
+        off: mean of what it is in size.
+        skipped: what it is, in words.
+    """
+
+    title: str
+    method: str
+    planned: np.ndarray
+    everything: np.ndarray
+    difference: np.ndarray
+    off: float
+    skipped: str
 
 
 SUBJECTS = (
@@ -86,6 +128,7 @@ class Study:
         self.width, self.rounds = (96, 1) if smoke else (512, 5)
         self.resolution = 256 if smoke else RESOLUTION
         self.pairs = 2 if smoke else 30
+        self.pictured: list[Pictured] = []
         self.record = StepwiseRecord(
             folder, "Effects that are skipped", {"smoke": smoke, "tolerance": TOLERANCE},
             bounds, document,
@@ -94,7 +137,7 @@ class Study:
     def steps(self) -> dict:
         """Names to what is done, in order."""
         steps = {s.name: (lambda s=s: self.subject(s)) for s in SUBJECTS}
-        return steps | {"free": self.free}
+        return steps | {"pictures": self.pictures, "free": self.free}
 
     def subject(self, subject: Subject) -> None:
         """One plan, carried out, and everything in its place."""
@@ -131,6 +174,21 @@ class Study:
         def off(image: np.ndarray) -> float:
             return float(known.share * np.abs(image - truth)[eye.valid].mean())
 
+        if light.kind != "directional" or frame.area is not None:
+            # Where edges are hard, by rays: of a map its own error would be seen as well.
+            shown = images["planned"] if soft_ones else hard
+            albedo, valid = eye.albedo.reshape(3, *eye.size), eye.valid.reshape(eye.size)
+            cosine = light_paths(eye, frame).cosine.reshape(eye.size)
+            pair = [shade(albedo, cosine, lit.reshape(eye.size), valid) for lit in (shown, truth)]
+            apart = np.where(eye.valid, known.share * (shown - truth), np.nan)
+            self.pictured.append(Pictured(
+                f"{subject.name}: {decision.kind}",
+                f"by {planned.name}" if soft_ones else "by a shadow ray to its centre",
+                *pair, apart.reshape(eye.size), off(shown),
+                "nothing is skipped: the error of the method" if soft_ones else SKIPPED,
+            ))  # fmt: skip
+        samples = 1 if frame.area is None else EVERYTHING**2
+        stated = plan.rates.seconds(MAP_TEXELS, known.pixels, samples)
         self.record.record.setdefault("plans", []).append({
             "subject": subject.name,
             "light": light.name,
@@ -145,9 +203,17 @@ class Study:
             "planned_error": off(images["planned"]),
             "everything_error": off(images["everything"]),
             "planned_seconds": median_of(seconds["planned"]).value,
+            "planned_stated": decision.seconds,
             "everything_seconds": median_of(seconds["everything"]).value,
+            "everything_stated": stated,
             "everything_ratio": ratio_of(seconds["everything"], seconds["planned"]).record(),
         })  # fmt: skip
+
+    def pictures(self) -> None:
+        """What the plans simulate beside everything."""
+        if self.pictured:
+            words = "what the plan simulates, everything, and their difference, for each scene"
+            self.record.figure("pictures", draw(self.pictured), words)
 
     def free(self) -> None:
         """A run of a point light, with soft families and without, in turns."""
@@ -200,6 +266,13 @@ def bounds(record: Mapping) -> list[Bound]:
             1.0,
         ),
         Bound(
+            "stated cost",
+            "extra time of everything, stated - measured, part of the lesser, largest",
+            max(map(_apart, [one for one in plans if one["truth_error"] is not None]),
+                default=None),
+            1.0,
+        ),
+        Bound(
             "free",
             "time of a point light's run with soft families / without, off 1",
             None if free is None else abs(free["ratio"]["median"] - 1),
@@ -214,6 +287,62 @@ def bounds(record: Mapping) -> list[Bound]:
     ]  # fmt: skip
 
 
+def _extra(one: Mapping) -> tuple[float, float]:
+    """Seconds that everything takes beyond the planned method: as stated, as measured."""
+    return (
+        one["everything_stated"] - one["planned_stated"],
+        one["everything_seconds"] - one["planned_seconds"],
+    )
+
+
+def _apart(one: Mapping) -> float:
+    """By how much of the lesser those two differ: 1 where one is twice the other."""
+    stated, measured = _extra(one)
+    return abs(stated - measured) / max(min(abs(stated), abs(measured)), 1e-9)
+
+
+@styled
+def draw(pictured: Sequence[Pictured]) -> Figure:
+    """A row for each scene: what the plan simulates, everything, and the difference."""
+    width = max(one.difference.shape[1] for one in pictured)
+    heights = [one.difference.shape[0] for one in pictured]
+    board = Board(
+        2 * EDGE + 3 * width + 3 * GAP + _BAR + _BAR_LABELS,
+        2 * EDGE + sum(HEAD + height + GAP for height in heights) + CAPTION,
+    )
+    norm, colours = Normalize(-WIDEST, WIDEST), matplotlib.colormaps["PuOr_r"]
+    marks = WIDEST * np.linspace(-1, 1, 5)
+    ticks = {part: f"{100 * part:+.0f} %" if part else "0" for part in marks}
+    y = EDGE
+    for one, height in zip(pictured, heights, strict=True):
+        columns = (
+            (one.title, one.method, one.planned),
+            ("everything forced on", "64 shadow rays a pixel to all of the light", one.everything),
+            (f"difference: {percent(one.off)}, mean", one.skipped, one.difference),
+        )
+        for column, (title, small, image) in enumerate(columns):
+            x = EDGE + column * (width + GAP)
+            board.heading(x, y, width, title, small)
+            axes = board.image(
+                x, y + HEAD, width, height, image, norm=norm, cmap=colours, interpolation="nearest"
+            )
+            axes.set_facecolor(BACKGROUND)
+        x = EDGE + 3 * (width + GAP)
+        board.scale_bar(colours, norm, x, y + HEAD, _BAR, height, ticks, "both")
+        y += HEAD + height + GAP
+    board.caption(
+        "Differences are parts of the light. Orange: brighter by the plan than with everything; "
+        f"violet: darker. The tolerance of what is skipped is {percent(TOLERANCE)}, mean."
+    )
+    return board.figure
+
+
+def in_few_colours(drawn: Figure) -> Image.Image:
+    """A figure in 256 colours: a page of pictures in a third of the bytes."""
+    image = Image.open(io.BytesIO(png(drawn))).convert("RGB")
+    return image.quantize(256, Image.Quantize.MAXCOVERAGE, kmeans=3, dither=Image.Dither.NONE)
+
+
 def document(record: Mapping) -> str:
     """The record as Markdown."""
     lines = head_of(record)
@@ -221,19 +350,28 @@ def document(record: Mapping) -> str:
     lines += [
         "Errors are parts of the light in per cent, mean over the picture, beside 64 rays a pixel.",
         "",
-        "| scene | plan | penumbrae, px | hard edges: predicted, measured | planned: error, ms | "
-        f"{EVERYTHING} x {EVERYTHING} samples: error, ms, times as long |",
-        "| --- | --- | --- | --- | --- | --- |",
+        "| scene | plan | penumbrae, px | hard edges: predicted, measured | planned: error; ms "
+        f"stated, measured | {EVERYTHING} x {EVERYTHING} samples: error; ms stated, measured | "
+        "extra ms: stated, measured |",
+        "| --- | --- | --- | --- | --- | --- | --- |",
     ]
     for one in record.get("plans", []):
         p50, p95 = one["widths_px"]
-        lines.append(
-            f"| {one['subject']} | {one['kind']}, {one['method']} | {p50:.2g}, {p95:.2g} | "
-            f"{100 * one['hard_edges_predicted']:.3g}, {100 * one['hard_edges_measured']:.3g} | "
-            f"{100 * one['planned_error']:.3g}, {1e3 * one['planned_seconds']:.3g} | "
-            f"{100 * one['everything_error']:.3g}, {1e3 * one['everything_seconds']:.3g}, "
-            f"{one['everything_ratio']['median']:.2f} |"
-        )
+        cells = [
+            one["subject"],
+            f"{one['kind']}, {one['method']}",
+            f"{p50:.2g}, {p95:.2g}",
+            f"{100 * one['hard_edges_predicted']:.3g}, {100 * one['hard_edges_measured']:.3g}",
+            *(
+                f"{100 * one[f'{what}_error']:.3g}; {1e3 * one[f'{what}_stated']:.3g}, "
+                f"{1e3 * one[f'{what}_seconds']:.3g}"
+                for what in ("planned", "everything")
+            ),
+            ", ".join(f"{1e3 * seconds:.3g}" for seconds in _extra(one)),
+        ]
+        lines.append(f"| {' | '.join(cells)} |")
+    for name, words in record.get("figures", {}).items():
+        lines += ["", f"![{words}]({name}.png)"]
     return "\n".join(lines) + "\n"
 
 
@@ -241,11 +379,18 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--smoke", action="store_true", help="tiny sizes, under a minute")
     parser.add_argument("--out", type=Path, default=Path("out/effects"))
+    parser.add_argument("--only", nargs="+", metavar="STEP", help="these steps alone")
+    parser.add_argument("--docs", action="store_true", help="write docs/images/skipped.png too")
     arguments = parser.parse_args()
     enable_compilation_cache()
     keep_freed_memory()
     study = Study(arguments.out, arguments.smoke)
-    study.record.run(study.steps())
+    steps = study.steps()
+    chosen = {name: steps[name] for name in arguments.only or steps}
+    study.record.run(chosen)
+    if arguments.docs and study.pictured:
+        image = in_few_colours(draw(study.pictured))
+        image.save(ROOT / "docs" / "images" / "skipped.png", optimize=True)
     print((arguments.out / "report.md").read_text(encoding="utf-8"))
 
 

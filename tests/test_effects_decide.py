@@ -7,7 +7,8 @@ import pytest
 from helpers.plans import asked_about
 
 from asmjax.effects import Decision, LightNumbers, Outcome, Rates, decide_light, plan_lights
-from asmjax.effects.decide import LEAST_UMBRA, MAP_TEXELS, NARROW, SUBPIXEL, VERY_LARGE_SR, WIDE
+from asmjax.effects.decide import LEAST_UMBRA, MAP_TEXELS, NARROW, SUBPIXEL, WIDE
+from asmjax.effects.missing import VERY_LARGE_SR
 from asmjax.errors import UseError
 from asmjax.scene.analytic_scenes import a1_square
 from asmjax.scene.closed_forms import half_plane_disc_visibility
@@ -79,7 +80,7 @@ def test_samples_are_as_many_as_a_penumbra_has_pixels():
     # The same texels, read once for each sample.
     assert few.rays == many.rays == MAP_TEXELS
     rates = Rates()
-    assert many.seconds - few.seconds == pytest.approx((256 - 36) * LAMP.pixels * rates.tap)
+    assert many.seconds - few.seconds == pytest.approx((256 - 36) * LAMP.pixels * rates.look_up)
     # 2048 texels a side: 32 of them are worth 6 samples.
     assert of(wide(500.0, width_map=1 / 64)).samples == 36
     assert many.seconds > of(LAMP).seconds > of(wide(0.5)).seconds > 0
@@ -179,7 +180,7 @@ def test_other_reasons():
         assert not little.not_simulated and effect in [item.effect for item in little.skipped]
     with pytest.raises(UseError, match="the tolerance is -1"):
         decide_light(LAMP, -1.0)
-    decision = of(wide(0.5), rates=Rates(texel=1.0, tap=0.0))
+    decision = of(wide(0.5), rates=Rates(texel=1.0, look_up=0.0))
     assert decision.seconds == MAP_TEXELS
 
 

@@ -7,9 +7,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers.analytic_cases import analytic_case, case_of, kept_arrays
-from helpers.counting import CountingRays
+from helpers.analytic_cases import analytic_case, case_of
 from helpers.soft_cases import (
+    ABOVE,
+    FLOOR,
+    SIDE,
+    asked,
+    built_and_kept,
+    lone_floor,
     mean_error,
     penumbra,
     ramp_width,
@@ -23,19 +28,9 @@ from asmjax.buffers import light_offset, project
 from asmjax.errors import UseError
 from asmjax.experiment.traces import counted_traces
 from asmjax.scene.analytic_scenes import a8_slabs
-from asmjax.scene.spec import LightSpec, Rectangle, ViewSpec
+from asmjax.scene.spec import LightSpec, Rectangle
 from asmjax.shadow import MomentShadowMap, UniformShadowMap, algorithm_of
 from asmjax.shadow.soft.summed import summed, window_moments
-
-SIDE = 64
-FLOOR = Rectangle("floor", (0.0, 0.0, 0.0), (6.0, 0.0, 0.0), (0.0, 6.0, 0.0))
-ABOVE = ViewSpec("v", (0.6, -0.8, 9.0), (0.2, 0.1, 0.0), fov_x_deg=30.0, width=SIDE, height=SIDE)
-
-
-def asked(algorithm, case):
-    """State, and visibility of the case's pixels."""
-    state = algorithm.build(case.eye, case.frame, case.rays)
-    return state, np.asarray(algorithm.visibility(state, case.eye.points))
 
 
 def ref_window(depth: np.ndarray, low, high) -> np.ndarray:
@@ -127,10 +122,7 @@ def test_squares_and_disks_are_near_their_closed_form(name):
 @pytest.mark.parametrize("tilt_deg", [0.0, 60.0, 85.0])
 def test_a_plane_alone_is_lit_all_over(tilt_deg, sized):
     """At any tilt, in windows of any width."""
-    tilt = np.radians(tilt_deg)
-    place = tuple(6.0 * np.array([0.8 * np.sin(tilt), 0.6 * np.sin(tilt), np.cos(tilt)]))
-    light = LightSpec("lamp", "point", position=place, area=square_light(0.4).at(place))
-    case = traced_soft_case((FLOOR,), ABOVE, light, 1)
+    case = lone_floor(tilt_deg)
     if not sized:
         case = without_area(case)
     _, lit = asked(MomentShadowMap(128, kernel=5.0), case)
@@ -195,15 +187,7 @@ def test_contact_is_lit_on_a_slope():
 def test_verbs_under_a_light_with_a_size():
     case = soft_case("a4", SIDE)
     algorithm = MomentShadowMap(256, keep=True)
-    rays = CountingRays(case.rays)
-    state = algorithm.build(case.eye, case.frame, rays)
-    cost = algorithm.cost(state)
-    assert cost.bytes == sum(array.nbytes for array in kept_arrays(state))
-    assert cost.bytes <= algorithm.memory(1).state.bytes
-    assert (cost.rays, cost.passes) == (rays.texels, rays.launches)
-    lit = np.asarray(algorithm.visibility(state, case.eye.points))
-    kept = algorithm.update(state, case.eye, case.frame, rays)
-    assert algorithm.cost(kept).rays == 0 and rays.launches == cost.passes
+    rays, state, lit, kept = built_and_kept(algorithm, case)
     np.testing.assert_array_equal(algorithm.visibility(kept, case.eye.points), lit)
     with counted_traces() as traces:
         again = algorithm.update(state, case.eye, case.frame, case.rays, moved=np.zeros((1, 3, 2)))

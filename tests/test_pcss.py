@@ -8,10 +8,15 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers.analytic_cases import kept_arrays, moved, random_rotation
-from helpers.counting import CountingRays
+from helpers.analytic_cases import moved, random_rotation
 from helpers.soft_cases import (
+    ABOVE,
+    FLOOR,
     HEIGHT,
+    SIDE,
+    asked,
+    built_and_kept,
+    lone_floor,
     mean_error,
     penumbra,
     ramp_width,
@@ -35,16 +40,6 @@ from asmjax.shadow import MomentShadowMap, PCSSShadowMap, Status, UniformShadowM
 from asmjax.shadow.soft.light_taps import seen, taps_of
 from asmjax.shadow.soft.nearest import least_depths, least_in, sides
 from asmjax.shadow.soft.wide_map import WIDEST_MARGIN, search_depth
-
-SIDE = 64
-FLOOR = Rectangle("floor", (0.0, 0.0, 0.0), (6.0, 0.0, 0.0), (0.0, 6.0, 0.0))
-ABOVE = ViewSpec("v", (0.6, -0.8, 9.0), (0.2, 0.1, 0.0), fov_x_deg=30.0, width=SIDE, height=SIDE)
-
-
-def asked(algorithm, case):
-    """State, and visibility of the case's pixels."""
-    state = algorithm.build(case.eye, case.frame, case.rays)
-    return state, np.asarray(algorithm.visibility(state, case.eye.points))
 
 
 @pytest.mark.parametrize(
@@ -105,11 +100,7 @@ def test_lights_that_are_not_along_the_map(shape):
 @pytest.mark.parametrize("tilt_deg", [0.0, 60.0, 85.0])
 def test_a_plane_alone_is_lit_all_over(tilt_deg):
     """However wide the search is, at any tilt: taps are tested by their own centres."""
-    tilt = np.radians(tilt_deg)
-    place = tuple(6.0 * np.array([0.8 * np.sin(tilt), 0.6 * np.sin(tilt), np.cos(tilt)]))
-    area = square_light(0.4).at(place)
-    light = LightSpec("lamp", "point", position=place, area=area)
-    case = traced_soft_case((FLOOR,), ABOVE, light, 1)
+    case = lone_floor(tilt_deg)
     _, lit = asked(PCSSShadowMap(256), case)
     assert (lit[case.eye.valid] == 1).all()
 
@@ -257,15 +248,7 @@ def test_verbs_under_a_light_with_a_size():
     """Costs are those of the arrays, rays those that were cast, and nothing is traced again."""
     case = soft_case("a4", SIDE)
     algorithm = PCSSShadowMap(256, compare="both", keep=True)
-    rays = CountingRays(case.rays)
-    state = algorithm.build(case.eye, case.frame, rays)
-    cost = algorithm.cost(state)
-    assert cost.bytes == sum(array.nbytes for array in kept_arrays(state))
-    assert cost.bytes <= algorithm.memory(1).state.bytes
-    assert (cost.rays, cost.passes) == (rays.texels, rays.launches)
-    lit = np.asarray(algorithm.visibility(state, case.eye.points))
-    kept = algorithm.update(state, case.eye, case.frame, rays)
-    assert algorithm.cost(kept).rays == 0 and rays.launches == cost.passes
+    rays, state, lit, kept = built_and_kept(algorithm, case)
     box = np.array([[[-9.0, 9.0]] * 3])
     empty = algorithm.update(kept, case.eye, case.frame, AnalyticRays(case.shapes[:1]), moved=box)
     assert np.asarray(algorithm.visibility(empty, case.eye.points)).min() == 1

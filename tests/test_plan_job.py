@@ -363,12 +363,12 @@ def test_every_key_is_documented():
 
 def test_the_page_of_effects_states_the_thresholds():
     """Numbers in prose are those of the code."""
-    from asmjax.effects import TOLERANCE, decide, probe, widths
+    from asmjax.effects import TOLERANCE, decide, missing, probe, widths
 
     text = (DOCS / "effects.md").read_text(encoding="utf-8")
     for number in (
         f"{TOLERANCE:g}", f"{decide.SUBPIXEL:g} px", f"{decide.NARROW:g} px",
-        f"{decide.WIDE:g} px", f"{decide.LEAST_UMBRA:g}", f"{decide.VERY_LARGE_SR:g} sr",
+        f"{decide.WIDE:g} px", f"{decide.LEAST_UMBRA:g}", f"{missing.VERY_LARGE_SR:g} sr",
         f"{probe.PIXELS:,}", f"{widths.TEXELS} x {widths.TEXELS}",
     ):  # fmt: skip
         assert number in text, number

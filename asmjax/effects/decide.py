@@ -9,6 +9,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, get_args
 
+from asmjax.effects.missing import missing, small, transmittance
 from asmjax.effects.records import (
     Decision,
     LightNumbers,
@@ -30,10 +31,6 @@ LEAST_UMBRA = 0.002
 
 SAMPLE_ERROR = 1 / 32
 """Largest error of visibility that light samples may leave: 1 / (2 m) for m x m of them."""
-
-VERY_LARGE_SR = 1.0
-"""Steradians: one receiver sees parts of a larger light at such different angles that visibility
-weighted by area is no share of its light."""
 
 MAP_TEXELS = 2**22
 """Of a flat map of 16 MB, the default memory limit, all faces together."""
@@ -100,9 +97,9 @@ def decide_light(
         return needless
     chosen = _Choice(numbers, tolerance, force, available, rates or Rates()).outcome()
     return Outcome(
-        (*chosen.decisions, *_transmittance(numbers, tolerance)),
-        (*chosen.skipped, *_small(numbers, tolerance)),
-        (*chosen.not_simulated, *_missing(numbers, tolerance)),
+        (*chosen.decisions, *transmittance(numbers, tolerance)),
+        (*chosen.skipped, *small(numbers, tolerance)),
+        (*chosen.not_simulated, *missing(numbers, tolerance)),
     )
 
 
@@ -221,7 +218,7 @@ class _Choice:
             reason=why,
             error=numbers.shade,
             rays=MAP_TEXELS,
-            seconds=MAP_TEXELS * self.rates.texel + numbers.pixels * self.rates.tap,
+            seconds=self._seconds(look_ups=1),
         )
 
     def _filtered(self) -> Outcome:
@@ -230,7 +227,7 @@ class _Choice:
         Not over as many pixels: of a straight blocker above a floor the width in the light's image
         is the same from near to far.
         """
-        numbers, rates = self.numbers, self.rates
+        numbers = self.numbers
         typical, width = numbers.width_p50, numbers.width_p95
         decision = Decision(
             **self._common(self._first(FLAT), self._first(FILTERED)),
@@ -243,7 +240,7 @@ class _Choice:
             "filter of one width is as good as any",
             error=numbers.soft_error,
             rays=MAP_TEXELS,
-            seconds=MAP_TEXELS * rates.texel + PCF_TAPS * numbers.pixels * rates.tap,
+            seconds=self._seconds(look_ups=1, taps=PCF_TAPS),
         )
         return self._if_registered(decision, FLAT, FILTERED)
 
@@ -287,7 +284,7 @@ class _Choice:
     def _sampled(self) -> dict[str, Any]:
         """m x m samples of the light, m as many as a penumbra has pixels, as more are not seen, and
         no more than the texels of their maps are worth."""
-        numbers, rates = self.numbers, self.rates
+        numbers = self.numbers
         side = math.ceil(min(max(numbers.width_p95, 2.0), 1 / (2 * SAMPLE_ERROR)))
         side = samples_worth(side, numbers.width_map * math.sqrt(MAP_TEXELS / numbers.faces))
         return {
@@ -295,19 +292,22 @@ class _Choice:
             "samples": side * side,
             "sample_error": 1 / (2 * side),
             "rays": MAP_TEXELS,
-            "seconds": MAP_TEXELS * rates.texel + side * side * numbers.pixels * rates.tap,
+            "seconds": self._seconds(look_ups=side * side),
         }
 
     def _one_map(self) -> dict[str, Any]:
-        taps = BLOCKER_TAPS + FILTER_TAPS
         return {
             "settings": {
                 "blocker_taps": BLOCKER_TAPS,
                 "filter_taps": FILTER_TAPS,
             },
             "rays": MAP_TEXELS,
-            "seconds": MAP_TEXELS * self.rates.texel + taps * self.numbers.pixels * self.rates.tap,
+            "seconds": self._seconds(look_ups=1, taps=BLOCKER_TAPS + FILTER_TAPS),
         }
+
+    def _seconds(self, look_ups: int, taps: int = 0) -> float:
+        """What maps of `MAP_TEXELS` take in all, asked so often by each pixel."""
+        return self.rates.seconds(MAP_TEXELS, self.numbers.pixels, look_ups, taps)
 
     def _if_registered(self, decision: Decision, *wanted: tuple[str, ...]) -> Outcome:
         """The decision, if of all that is `wanted` something is registered; else a hard map."""
@@ -316,10 +316,10 @@ class _Choice:
                 why = (
                     f"no method for it is registered ({' or '.join(families)}); its edges are hard"
                 )
-                missing = NotSimulated(decision.light, "penumbra", why, decision.error)
+                without = NotSimulated(decision.light, "penumbra", why, decision.error)
                 hard = self._common(self._first(HARD))["methods"]
                 left = replace(decision, methods=hard, simulated=False, forced=False)
-                return Outcome((left,), (), (missing,))
+                return Outcome((left,), (), (without,))
         return Outcome((decision,))
 
     def _common(self, *methods: str | None) -> dict[str, Any]:
@@ -352,65 +352,3 @@ _WITHOUT_SIZE = {
     "lamp": "a point stands for it, without penumbrae, as it is no rectangle, disk or sphere that "
     "emits outwards",
 }
-
-
-def _transmittance(numbers: LightNumbers, tolerance: float) -> tuple[Decision, ...]:
-    """The decision about light that passes through things, where that matters."""
-    if numbers.transmitted == 0 or numbers.transmitted < tolerance:
-        return ()
-    decision = Decision(
-        numbers.name, "transmittance", quantity="light that passes through casters",
-        number=numbers.transmitted, threshold=tolerance, error=numbers.transmitted,
-        reason=f"{percent(numbers.transmitted)} of the light passes through transmissive surfaces "
-        "or media, which maps and shadow rays hold for opaque",
-        simulated=False,
-    )  # fmt: skip
-    return (decision,)
-
-
-def _missing(numbers: LightNumbers, tolerance: float) -> list[NotSimulated]:
-    """What no method has."""
-    return [
-        NotSimulated(numbers.name, effect, why, error)
-        for effect, error, why in _nobody_has(numbers)
-        if error > 0 and error >= tolerance
-    ]
-
-
-def _nobody_has(numbers: LightNumbers) -> list[tuple[str, float, str]]:
-    """Effects that no method has, with what they change at most, and why."""
-    varies = (
-        "its radiance is of a kind that does not tell how it varies"
-        if numbers.spread is None
-        else f"its radiance varies by {percent(numbers.spread)} over it (standard deviation)"
-    )
-    large = numbers.solid_angle > VERY_LARGE_SR
-    return [
-        ("transmittance", numbers.transmitted, "no method lets light through: shadows too dark"),
-        ("refraction", numbers.refracted, "refractive casters are opaque: no caustics (at most)"),
-        ("textured light", numbers.texture_error, f"{varies}, and methods take it for even"),
-        (
-            "very large light",
-            numbers.large_error if large else 0.0,
-            f"{numbers.solid_angle:.2g} steradians of light: visibility is that of its area, not "
-            "of what each part of it brings",
-        ),
-    ]
-
-
-def _small(numbers: LightNumbers, tolerance: float) -> list[Skipped]:
-    """What else is left out of a light that gets a shadow."""
-    skipped = []
-    if numbers.fov_deg is not None and 1 < numbers.faces < 6:
-        why = f"{6 - numbers.faces} of 6 see no receiver"
-        skipped.append(Skipped(numbers.name, "cube faces", why))
-    if numbers.facing < 1:
-        why = (
-            f"{percent(1 - numbers.facing)} of the pixels face away or are out of reach: no look-up"
-        )
-        skipped.append(Skipped(numbers.name, "pixels turned away", why))
-    for effect, error, _ in _nobody_has(numbers):
-        if 0 < error < tolerance:
-            why = f"it is {percent(error)} of the light, below the tolerance"
-            skipped.append(Skipped(numbers.name, effect, why, error))
-    return skipped

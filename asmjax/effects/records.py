@@ -187,15 +187,19 @@ class Rates:
 
     Attributes:
         texel: of a map, cast.
-        ray: a shadow ray.
-        tap: a texel that a pixel reads.
+        look_up: a pixel's place in a map, and whether it is lit by what stands there.
+        tap: a further texel that a pixel reads beside its place.
         measured: whether `texel` is of this machine and scene.
     """
 
     texel: float = 1.2e-8
-    ray: float = 2e-8
-    tap: float = 1e-8
+    look_up: float = 5e-8
+    tap: float = 1.8e-8
     measured: bool = False
+
+    def seconds(self, texels: int, pixels: int, look_ups: int, taps: int = 0) -> float:
+        """What maps of `texels` in all take that each of `pixels` asks so often."""
+        return texels * self.texel + pixels * (look_ups * self.look_up + taps * self.tap)
 
 
 def percent(part: float) -> str:

@@ -27,13 +27,19 @@ def bases_along(w: np.ndarray) -> np.ndarray:
     """Bases (3, 3, n) of unit vectors (3, n) float64, or one (3, 3) of one (3,): rows e_u, e_v and
     `w` itself.
 
-    Branchless construction of Duff et al. 2017 ("Building an Orthonormal Basis, Revisited"):
-    the roll depends on the axis alone, and is continuous except where its z changes sign.
+    The roll depends on the axis alone, and is continuous except where its z changes sign.
     """
     x, y, z = w
-    sign = np.copysign(1.0, z)
-    a = -1.0 / (sign + z)
+    u, v = axes_across(x, y, z, np.copysign(1.0, z))
+    return np.stack([np.stack(u), np.stack(v), w])
+
+
+def axes_across(x, y, z, sign=1):
+    """Rows of two axes that make a basis with the unit vector of rows `x`, `y` and `z`, arrays of
+    any library; `sign` is that of z, 1 or -1.
+
+    Branchless construction of Duff et al. 2017 ("Building an Orthonormal Basis, Revisited").
+    """
+    a = -1 / (sign + z)
     b = x * y * a
-    u = np.stack([1.0 + sign * x * x * a, sign * b, -sign * x])
-    v = np.stack([b, sign + y * y * a, -y])
-    return np.stack([u, v, w])
+    return (1 + sign * x * x * a, sign * b, -sign * x), (b, sign + y * y * a, -y)

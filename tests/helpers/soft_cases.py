@@ -16,11 +16,25 @@ from asmjax.scene.analytic_scenes import (
 from asmjax.scene.closed_forms import half_plane_square_visibility
 from asmjax.scene.lights import light_frame
 from asmjax.scene.soft_visibility import analytic_soft_visibility
-from asmjax.scene.spec import LightSpec, Shape, ViewSpec
-from helpers.analytic_cases import Case, case_of
+from asmjax.scene.spec import LightSpec, Rectangle, Shape, ViewSpec
+from asmjax.shadow import ShadowAlgorithm
+from helpers.analytic_cases import Case, case_of, kept_arrays
+from helpers.counting import CountingRays
 
 HEIGHT = 5.0
 """Of the lights above the receiver z = 0."""
+
+SIDE = 64
+"""Pixels a side."""
+
+FLOOR = Rectangle("floor", (0.0, 0.0, 0.0), (6.0, 0.0, 0.0), (0.0, 6.0, 0.0))
+ABOVE = ViewSpec("v", (0.6, -0.8, 9.0), (0.2, 0.1, 0.0), fov_x_deg=30.0, width=SIDE, height=SIDE)
+
+
+def asked(algorithm: ShadowAlgorithm, case: Case):
+    """State, and visibility of the case's pixels."""
+    state = algorithm.build(case.eye, case.frame, case.rays)
+    return state, np.asarray(algorithm.visibility(state, case.eye.points))
 
 
 def square_light(half: float, height: float = HEIGHT) -> AreaLight:
@@ -97,3 +111,26 @@ def ramp_width(case: Case, visibility, least: float = 0.1) -> float:
     inside = case.judged & (lit > least) & (lit < 1 - least)
     assert inside.sum() > 20
     return 1 / float(np.polyfit(case.eye.world[0, inside], lit[inside], 1)[0])
+
+
+def lone_floor(tilt_deg: float) -> Case:
+    """The floor alone, below a square light that stands so far from its normal: lit all over."""
+    tilt = np.radians(tilt_deg)
+    place = tuple(6.0 * np.array([0.8 * np.sin(tilt), 0.6 * np.sin(tilt), np.cos(tilt)]))
+    light = LightSpec("lamp", "point", position=place, area=square_light(0.4).at(place))
+    return traced_soft_case((FLOOR,), ABOVE, light, 1)
+
+
+def built_and_kept(algorithm, case: Case):
+    """Rays, state, visibility, and the state of an update in which nothing has moved, of an
+    algorithm that keeps its map: costs are those of the arrays and of the rays that were cast."""
+    rays = CountingRays(case.rays)
+    state = algorithm.build(case.eye, case.frame, rays)
+    cost = algorithm.cost(state)
+    assert cost.bytes == sum(array.nbytes for array in kept_arrays(state))
+    assert cost.bytes <= algorithm.memory(1).state.bytes
+    assert (cost.rays, cost.passes) == (rays.texels, rays.launches)
+    lit = np.asarray(algorithm.visibility(state, case.eye.points))
+    kept = algorithm.update(state, case.eye, case.frame, rays)
+    assert algorithm.cost(kept).rays == 0 and rays.launches == cost.passes
+    return rays, state, lit, kept

@@ -21,6 +21,7 @@ from jaxtyping import Array, Bool, Float
 from asmjax.buffers import Receivers
 from asmjax.geometry import LightFrame
 from asmjax.geometry.area_light import AreaLight, concentric
+from asmjax.geometry.basis import axes_across
 from asmjax.numerics import dot, least_depth, safe_sqrt
 
 
@@ -85,11 +86,9 @@ def _disk_of_sphere(half, place, depth):
     distance = depth * length
     sine = radius / jnp.maximum(distance, radius)
     across = radius * safe_sqrt((1 - sine) * (1 + sine))
-    # Duff and others 2017; receivers are before the light, so that z > 0.
-    a = -1 / (1 + z)
-    b = x * y * a
-    axis_u = [across * e for e in (1 + x * x * a, b, -x)]
-    axis_v = [across * e for e in (b, 1 + y * y * a, -y)]
+    # Receivers are before the light: z > 0.
+    u, v = axes_across(x, y, z)
+    axis_u, axis_v = ([across * e for e in axis] for axis in (u, v))
     return [radius * sine * e for e in (x, y, z)], axis_u, axis_v
 
 
