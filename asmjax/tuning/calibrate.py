@@ -43,7 +43,7 @@ CLOSE = 3e-3
 
 MAX_STEPS = 80
 
-ROOM = 64
+ROOM = 96
 """Trials are filled up to a multiple of this, so that few shapes are ever compiled: one, for as
 many evaluations as are usual."""
 

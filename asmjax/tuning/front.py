@@ -14,7 +14,6 @@ from asmjax.tuning.search import (
     Model,
     boxed,
     loss,
-    said,
     said_of,
     search,
     unboxed,
@@ -27,6 +26,9 @@ SPAN = 4.0
 
 POINTS = 5
 """Prices of the front, evenly in the logarithm."""
+
+SMALL = 1e-4
+"""Steps of central differences, of unconstrained numbers and of log price."""
 
 FLAT = 1e-3
 """Directions in which the objective bends less than this part of the most do not move: settings
@@ -62,25 +64,27 @@ COOLING = (2 * TEMPERATURE, TEMPERATURE)
 
 
 @eqx.filter_jit
-def _bends(model, log_price, free, temperature):
-    def at(free, log_price):
-        return loss(model, "price", log_price, boxed(free), temperature)
-
-    slope = jax.grad(at)
-    bend, pull = jax.jacfwd(slope, argnums=(0, 1))(free, log_price)
-    return slope(free, log_price), bend, pull
+def _slope(model, log_price, free, temperature):
+    return jax.grad(lambda free: loss(model, "price", log_price, boxed(free), temperature))(free)
 
 
-@eqx.filter_jit
-def _moves(model, free, step, temperature):
-    """How point, log error and log seconds move with a step of unconstrained numbers."""
+def _bends(model: Model, price: float, free: np.ndarray):
+    """Slope (knobs,) of the loss, its Hessian, and how the slope moves with log price: central
+    differences of the gradient, as second derivatives take two seconds to trace and 40 slopes a
+    tenth of one."""
 
-    def at(free):
-        point = boxed(free)
-        edge, seconds = said(model, point, temperature)
-        return point, jnp.log(edge), jnp.log(seconds)
+    def slope(log_price: float, free: np.ndarray) -> np.ndarray:
+        found = _slope(model, jnp.asarray(log_price), jnp.asarray(free), jnp.asarray(TEMPERATURE))
+        return np.asarray(found)
 
-    return jax.jvp(at, (free,), (step,))[1]
+    def change(ahead: np.ndarray, behind: np.ndarray) -> np.ndarray:
+        return (ahead - behind) / (2 * SMALL)
+
+    at = float(np.log(price))
+    steps = SMALL * np.eye(free.size)
+    bend = np.stack([change(slope(at, free + step), slope(at, free - step)) for step in steps])
+    pull = change(slope(at + SMALL, free), slope(at - SMALL, free))
+    return slope(at, free), bend, pull
 
 
 @in_float64
@@ -91,9 +95,7 @@ def direction(model: Model, price: float, point: np.ndarray) -> tuple[np.ndarray
     Where the gradient G(x, p) of the loss is 0, dx/dp = -H^-1 dG/dp with the Hessian H; of its
     eigenvectors only those count along which the loss bends upwards and not too little (`FLAT`).
     """
-    free = jnp.asarray(unboxed(point))
-    found = _bends(model, jnp.log(jnp.asarray(price)), free, jnp.asarray(TEMPERATURE))
-    slope, bend, pull = (np.asarray(part, np.float64) for part in found)
+    slope, bend, pull = _bends(model, price, unboxed(point))
     if not all(np.isfinite(part).all() for part in (slope, bend, pull)):
         return np.zeros_like(pull), False
     values, vectors = np.linalg.eigh(0.5 * (bend + bend.T))
@@ -106,15 +108,16 @@ def direction(model: Model, price: float, point: np.ndarray) -> tuple[np.ndarray
 @in_float64
 def sensitivity(model: Model, price: float, point: np.ndarray) -> Sensitivity:
     """How the best settings move with the price, at the optimum `point` (knobs,) for it."""
-    free = jnp.asarray(unboxed(point))
+    free = unboxed(point)
     step, settled = direction(model, price, point)
-    moved, log_edge, log_seconds = _moves(
-        model, free, jnp.asarray(step), jnp.asarray(TEMPERATURE)
-    )  # fmt: skip
+    ahead, behind = (np.asarray(boxed(free + way * SMALL * step)) for way in (1, -1))
+    moved = (ahead - behind) / (2 * SMALL)
+    logs = np.log(said_of(model, np.stack([ahead, behind])))
+    log_edge, log_seconds = (logs[:, 0] - logs[:, 1]) / (2 * SMALL)
     width = np.log(np.asarray(model.high) / np.asarray(model.low))
     return Sensitivity(
         price=price,
-        log_settings=dict(zip(NAMES, (np.asarray(moved) * width).tolist(), strict=True)),
+        log_settings=dict(zip(NAMES, (moved * width).tolist(), strict=True)),
         log_edge=float(log_edge),
         log_seconds=float(log_seconds),
         settled=settled,

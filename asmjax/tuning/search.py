@@ -49,7 +49,8 @@ CREEP = 1e-3
 """Part of the objective below which what a restart gains is nothing: the search is at rest too."""
 
 
-_T, _R = TypeVar("_T"), TypeVar("_R")
+_T = TypeVar("_T")
+_R = TypeVar("_R")
 
 
 def _side_by_side(function: Callable[[_T], _R], items: Sequence[_T]) -> list[_R]:
@@ -183,8 +184,8 @@ def search(
         return jax.block_until_ready(end)
 
     def cooled(free):
-        end = free, None, None
-        for temperature in temperatures:
+        end = descend(free, temperatures[0])
+        for temperature in temperatures[1:]:
             end = descend(end[0], temperature)
         still = bool(end[2] < REST)
         for _ in range(RESTARTS):
