@@ -163,7 +163,7 @@ def test_adaptive_trials_are_the_same_each_time(config, views):
 
 def test_what_was_used_longest_ago_is_let_go():
     """Within so many bytes; one that is larger stays alone."""
-    recent: Recent[str] = Recent(10)
+    recent: Recent[str, str] = Recent(10)
     made: list[str] = []
 
     def get(key: str, size: int) -> str:

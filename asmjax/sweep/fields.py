@@ -51,9 +51,9 @@ def is_whole(value: object, least: int, most: int = LARGEST) -> TypeGuard[int]:
 def is_amount(value: object, least: float, most: float, above: bool = False) -> TypeGuard[float]:
     """Whether it is a number in a range, without its lower end if it must be `above` that."""
     # Compared, not converted: a whole number may have more digits than any float.
-    if type(value) not in (int, float):
-        return False
-    return (least < value if above else least <= value) and value <= most  # type: ignore[operator]
+    if type(value) is int or type(value) is float:
+        return (least < value if above else least <= value) and value <= most
+    return False
 
 
 def _is_name(value: object) -> bool:

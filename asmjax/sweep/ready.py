@@ -26,22 +26,23 @@ from asmjax.sweep.identity import file_content
 SCENE_BYTES, VIEW_BYTES = 2 * 2**30, 2**30
 """Of scenes and of views that stay; the last one of each always does."""
 
+K = TypeVar("K", bound=Hashable)
 T = TypeVar("T")
 
 
-class Recent(Generic[T]):
+class Recent(Generic[K, T]):
     """The values that were used last, of `most` bytes in all, or of one that is larger."""
 
     def __init__(self, most: int):
         self._most = most
-        self._kept: OrderedDict[Hashable, tuple[T, int]] = OrderedDict()
+        self._kept: OrderedDict[K, tuple[T, int]] = OrderedDict()
 
     @property
-    def keys(self) -> list[Hashable]:
+    def keys(self) -> list[K]:
         """Of what is there, the last one that was asked for at the end."""
         return list(self._kept)
 
-    def get(self, key: Hashable, make: Callable[[], tuple[T, int]]) -> T:
+    def get(self, key: K, make: Callable[[], tuple[T, int]]) -> T:
         """The value of that key; `make` gives it and its bytes where it is not there."""
         if key not in self._kept:
             self._kept[key] = make()
@@ -50,7 +51,7 @@ class Recent(Generic[T]):
             self._kept.popitem(last=False)
         return self._kept[key][0]
 
-    def drop(self, key: Hashable) -> None:
+    def drop(self, key: K) -> None:
         """Let go what is there of that key."""
         self._kept.pop(key, None)
 
@@ -85,8 +86,8 @@ class ReadyViews:
     """What a process has loaded and seen."""
 
     def __init__(self, scene_bytes: int = SCENE_BYTES, view_bytes: int = VIEW_BYTES):
-        self._scenes: Recent[Scene] = Recent(scene_bytes)
-        self._views: Recent[Ready] = Recent(view_bytes)
+        self._scenes: Recent[Hashable, Scene] = Recent(scene_bytes)
+        self._views: Recent[tuple[Hashable, ...], Ready] = Recent(view_bytes)
 
     def of(
         self, config: Mapping[str, Any], algorithm_for: Callable[[int], ShadowAlgorithm]
@@ -140,7 +141,7 @@ class ReadyViews:
         scene = self._scenes.get(_scene_key(config), made)
         for key in self._views.keys:
             # A view holds its scene.
-            if key[0] not in self._scenes.keys:  # type: ignore[index]
+            if key[0] not in self._scenes.keys:
                 self._views.drop(key)
         return scene
 

@@ -91,6 +91,7 @@ def algorithm_for(config: Mapping[str, Any], faces: int) -> ShadowAlgorithm:
     resolution = resolution_for(int(config["memory_mb"] * 2**20), faces)
     if isinstance(algorithm, FilteredShadowMap):
         return replace(algorithm, inner=UniformShadowMap(resolution))
+    # All that is left has a resolution: the protocol does not promise it.
     return replace(algorithm, resolution=resolution)  # type: ignore[call-arg]
 
 
