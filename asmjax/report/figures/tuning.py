@@ -38,8 +38,8 @@ class Look(NamedTuple):
 ROLES = {
     "default": Look("default", "#1A1A1A", "D"),
     "single": Look("one setting changed", "#8C8C8C", "v"),
-    "sample": Look("drawn to fit the surrogate", "#8C8C8C", "o"),
-    "random": Look("random search, besides", "#CC79A7", "P"),
+    "sample": Look("drawn for the fit", "#8C8C8C", "o"),
+    "random": Look("random search", "#CC79A7", "P"),
     "grid": Look("grid", "#E69F00", "s"),
     "surrogate": Look("proposed by the surrogate", "#009E73", "^"),
     "neighbour": Look("neighbours of the best", "#0072B2", "v"),
