@@ -40,7 +40,7 @@ STARTS = 6
 FOLLOWED = 2
 """Of those, how many are gone on with."""
 
-OWN_STARTS, OWN_FOLLOWED = 18, 6
+OWN_STARTS, OWN_FOLLOWED = 24, 8
 """The same of continuation's searches."""
 
 VALLEYS = 3
