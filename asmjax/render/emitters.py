@@ -65,7 +65,7 @@ def read_emitters(
                 spread=spread,
             )
         elif kind == "DirectionalEmitter":
-            direction = _vector(_matrix(params, words)[:3, 2])
+            direction = _direction(params, words)
             bright, spread = brightness(params, "irradiance")
             light = LightSpec(name, "directional", direction=direction, intensity=bright)
             lights[name] = SceneLight(light, spread=spread)
@@ -108,6 +108,14 @@ def read_emitters(
 def _vector(value) -> tuple[float, float, float]:
     x, y, z = np.array(value, np.float64).ravel()
     return float(x), float(y), float(z)
+
+
+def _direction(params, words: Mapping) -> tuple[float, float, float]:
+    """Along a parallel light, as it was said: the emitter itself holds a float32 rotation."""
+    said = words["direction"] if "direction" in words else _matrix(params, words)[:3, 2]
+    length = float(np.linalg.norm(said))
+    # One that is none is refused where lights are checked.
+    return _vector(said / length if 0 < length < np.inf else said)
 
 
 def _matrix(params, words: Mapping) -> np.ndarray:

@@ -86,9 +86,9 @@ def _exact(
     hit[on_mesh] &= t[on_mesh] > 0
     other = np.flatnonzero(hit & ~mesh)
     normal[:, other] = seen.normal[:, other]
-    curved = other[geometry.quadrics.known(seen.shape[other])]
-    t[curved], normal[:, curved] = geometry.quadrics.meet(
-        seen.shape[curved], camera.origin, directions[:, curved], t[curved]
+    curved = other[geometry.quadrics.known(geometry.stored(seen.prim[other], seen.shape[other]))]
+    t[curved], normal[:, curved] = geometry.meet_quadrics(
+        seen.prim[curved], seen.shape[curved], camera.origin, directions[:, curved], t[curved]
     )
     world[:, curved] = camera.origin[:, None] + t[curved] * directions[:, curved]
     hit[curved] &= t[curved] > 0

@@ -25,7 +25,8 @@ class SceneGeometry(eqx.Module):
     primitives of its group, part after part. A group is stored once, behind all other shapes.
 
     Attributes:
-        vertices: (3, n_vertices) float64, world; those of a group in its own coordinates.
+        vertices: (3, n_vertices) float64, world; those of a group in the coordinates in which it is
+            cast.
         faces: (3, n_stored) int32 vertex indices; `NOT_A_MESH` for primitives of other shapes.
         flat: (n_stored,) bool, whether a primitive is flat: triangles and disks.
         first_prim: (n_shapes + 1,) int64, the first global primitive id of each shape.
@@ -35,7 +36,7 @@ class SceneGeometry(eqx.Module):
         part_prim: (n_parts,) int64, first primitive of a part, counted from that of its shape.
         to_world: (3, 4, n_shapes) float64, from stored coordinates to the world's; None in a scene
             without instances.
-        quadrics: the shapes that are spheres, cylinders or disks.
+        quadrics: the primitives that are spheres, cylinders or disks.
     """
 
     vertices: np.ndarray
@@ -88,6 +89,31 @@ class SceneGeometry(eqx.Module):
         )
         return a, b, c
 
+    def meet_quadrics(
+        self,
+        prim: np.ndarray,
+        shape: np.ndarray,
+        origin: np.ndarray,
+        directions: np.ndarray,
+        near: np.ndarray,
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Where world rays (3, n) from `origin` (3,) meet the spheres, cylinders and disks `prim`
+        (n,) of shapes `shape` (n,): t (n,) and unit normals (3, n); see `Quadrics.meet`."""
+        stored, origins = self.stored(prim, shape), origin[:, None]
+        if self.to_world is None:
+            return self.quadrics.meet(stored, origins, directions, near)
+        shapes, back = np.unique(shape, return_inverse=True)
+        places = self.to_world[:, :, shapes]
+        inward = np.moveaxis(np.linalg.inv(np.moveaxis(places[:, :3], 2, 0)), 0, 2)[:, :, back]
+        t, normal = self.quadrics.meet(
+            stored,
+            np.einsum("ikn,kn->in", inward, origins - places[:, 3, back]),
+            np.einsum("ikn,kn->in", inward, directions),
+            near,
+        )
+        normal = np.einsum("kin,kn->in", inward, normal)
+        return t, normal / np.linalg.norm(normal, axis=0)
+
     def _shape(self, prim: np.ndarray) -> np.ndarray:
         return np.maximum(np.searchsorted(self.first_prim, prim, side="right") - 1, 0)
 
@@ -104,9 +130,8 @@ def read_geometry(
     Raises:
         UseError: more primitives than an int32 can number.
     """
-    alone = [(shape,) for shape, k in zip(shapes, instancing.group, strict=True) if k < 0]
-    sources = [*alone, *instancing.parts]
-    own = sum(shape.vertex_count() for (shape,) in alone if shape.is_mesh())
+    sources, alone = _sources(shapes, instancing)
+    own = sum(shape.vertex_count() for (shape,) in sources[:alone] if shape.is_mesh())
     points, faces, flat = _copied([part for source in sources for part in source])
     vertices = np.concatenate(points, axis=1)
     # Groups keep coordinates of their own.
@@ -115,7 +140,7 @@ def read_geometry(
     first_part = np.concatenate([[0], np.cumsum([len(s) for s in sources])]).astype(np.int64)
     # A shape of its own is the next of those, an instance one of the groups behind them.
     group = instancing.group
-    source = np.where(group < 0, np.cumsum(group < 0) - 1, len(alone) + group)
+    source = np.where(group < 0, np.cumsum(group < 0) - 1, alone + group)
     owner = np.repeat(np.arange(len(sources)), np.diff(first_part))
     counts = np.diff(stored[first_part])
     return SceneGeometry(
@@ -128,8 +153,23 @@ def read_geometry(
         first_part=first_part[source],
         part_prim=stored[:-1] - stored[first_part[owner]],
         to_world=_places(mi, shapes, instancing, working) if instancing else None,
-        quadrics=Quadrics(mi, shapes, working),
+        quadrics=read_quadrics(mi, shapes, instancing, working),
     )
+
+
+def read_quadrics(mi, shapes: list, instancing: Instancing, working: WorkingFrame) -> Quadrics:
+    """The spheres, cylinders and disks among Mitsuba shapes in `working` and in their groups."""
+    sources, alone = _sources(shapes, instancing)
+    parts = [part for source in sources for part in source]
+    counts = [part.primitive_count() for part in parts]
+    stored = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+    return Quadrics(mi, parts, stored, alone, working)
+
+
+def _sources(shapes: list, instancing: Instancing) -> tuple[list[tuple], int]:
+    """What is stored: each shape of its own, then the parts of each group; how many are own."""
+    alone = [(shape,) for shape, k in zip(shapes, instancing.group, strict=True) if k < 0]
+    return [*alone, *instancing.parts], len(alone)
 
 
 def _places(mi, shapes: list, instancing: Instancing, working: WorkingFrame) -> np.ndarray:

@@ -4,6 +4,7 @@ Mitsuba tells of a hit which instance was met, which part of its group, and whic
 part, but of an instance alone not which group it shows.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -46,12 +47,21 @@ def known_instances(mi, groups: list, group: list[int]) -> Instancing:
             "--variant llvm_ad_rgb or scalar_rgb, or write the instances out."
         )
     return Instancing(
-        tuple(groups), tuple(tuple(_children(mi, g)) for g in groups), np.array(group, np.int64)
+        tuple(groups), tuple(tuple(parts_of(mi, g)) for g in groups), np.array(group, np.int64)
     )
 
 
-def find_instances(mi, scene, name: str) -> Instancing:
-    """The instances of a scene that Mitsuba loaded, told by primitive count and box of the groups.
+def shape_groups(mi, scene) -> list:
+    """The shape groups of a scene that Mitsuba loaded."""
+    return [c for c in _children(mi, scene) if c.class_name().startswith("ShapeGroup")]
+
+
+def find_instances(mi, scene, name: str, shown: Mapping[str, str]) -> Instancing:
+    """The instances of a scene that Mitsuba loaded: what the scene says of them, or, of those that
+    it holds ready-made, what primitive count and box of the groups tell.
+
+    Args:
+        shown: id of the group that an instance shows, by the instance's id.
 
     Raises:
         UseError: two groups with the same count and box, or a variant without instances.
@@ -59,11 +69,18 @@ def find_instances(mi, scene, name: str) -> Instancing:
     shapes = scene.shapes()
     if not any(is_instance(shape) for shape in shapes):
         return Instancing((), (), np.full(len(shapes), -1))
-    groups = [
-        child for child in _children(mi, scene) if child.class_name().startswith("ShapeGroup")
-    ]
-    found = [_shown(mi, shape, groups, name) if is_instance(shape) else -1 for shape in shapes]
+    groups = shape_groups(mi, scene)
+    number = {group.id(): k for k, group in enumerate(groups)}
+    found = []
+    for shape in shapes:
+        said = number.get(shown.get(shape.id(), "")) if is_instance(shape) else -1
+        found.append(_shown(mi, shape, groups, name) if said is None else said)
     return known_instances(mi, groups, found)
+
+
+def parts_of(mi, group) -> list:
+    """The shapes of a shape group, in the order in which hits count them."""
+    return _children(mi, group)
 
 
 def placement(mi, shape) -> np.ndarray:

@@ -15,6 +15,7 @@ from asmjax.memory import Limit, Memory, Stage, check, limit_of
 from asmjax.render.caster import MitsubaRays
 from asmjax.render.emitters import SceneLight, read_emitters
 from asmjax.render.eye import cast_eye
+from asmjax.render.frames import Frames
 from asmjax.render.geometry import SceneGeometry, box_of, read_geometry
 from asmjax.render.instances import Instancing, find_instances, known_instances
 from asmjax.render.parsed import ParsedScene
@@ -25,6 +26,7 @@ from asmjax.render.truth import ShadowRays
 from asmjax.render.untrusted import admit
 from asmjax.render.variant import activate
 from asmjax.render.working_frame import WORLD, WorkingFrame, working_frame
+from asmjax.scene.analytic_rays import scene_bounds
 from asmjax.scene.builtin import BUILTIN, is_builtin, load_builtin
 from asmjax.scene.file_names import shown
 from asmjax.scene.lights import Eyes, kept_light_frame, light_frame
@@ -228,30 +230,36 @@ def scene_file(name: str) -> Path:
 
 
 def _from_mitsuba(name: str, parsed: ParsedScene, mi) -> Scene:
-    said, can_move, can_scale = parsed.properties(), parsed.can_move, parsed.can_scale
-    scene, working, notices = parsed.made(WORLD), WORLD, []
+    said, shown = parsed.properties(), parsed.shown_groups()
+    can_move, can_scale = parsed.can_move, parsed.can_scale
+    scene, frames, notices = parsed.made(WORLD), Frames(), []
     if not hasattr(scene, "shapes") or not scene.shapes():
         raise UseError(f"scene '{name}' has no shapes; asmjax needs surfaces to cast shadows on.")
-    better = working_frame(box_of(scene.bbox(), WORLD))
-    if not better.is_identity and not can_scale:
+    better = frames.better(mi, scene, shown)
+    odd = (
+        f"scene '{name}' or a shape group of it is far from the origin, very small or very large, "
+        "or has spheres that its instances shrink"
+    )
+    if better != frames and not can_scale:
         notices.append(
-            f"scene '{name}' is far from the origin, very small or very large, and holds curves, "
-            "whose radii cannot be scaled: it is moved to the origin, and rays may lose digits"
+            f"{odd}, and there are curves, whose radii cannot be scaled: it is moved to the "
+            "origin, and rays may lose digits"
         )
-    if not better.is_identity and not can_move:
+    if better != frames and not can_move:
         notices.append(
-            f"scene '{name}' is far from the origin, very small or very large, and holds shapes "
-            "that were made before: rays are cast where it is, and lose digits there"
+            f"{odd}, and there are shapes that were made before or stand in several places: rays "
+            "are cast where it is, and lose digits there"
         )
-        better = WORLD
+        better = frames
     # Far away a box is known roughly only, and better once the scene was moved.
     for _ in range(MOST_MOVES):
-        better = replace(better, scale=better.scale if can_scale else 1.0)
-        if better == working:
+        better = better if can_scale else better.unscaled()
+        if better == frames:
             break
-        scene, working = parsed.made(better), better
-        better = working_frame(box_of(scene.bbox(), working), working)
-    instancing = find_instances(mi, scene, name)
+        scene, frames = parsed.made(better.working, better.groups), better
+        better = frames.better(mi, scene, shown)
+    working = frames.working
+    instancing = find_instances(mi, scene, name, shown)
     low, high = box_of(scene.bbox(), working).T
     views = read_sensors(mi, scene.sensors(), notices, said, float(np.linalg.norm(high - low)))
     lights = read_emitters(mi, scene, notices, said, working)
@@ -268,10 +276,12 @@ def _from_spec(mi, spec: SceneSpec, limit: Limit) -> Scene:
     names = [shape.name for shape in spec.shapes]
     groups, group = [], [-1] * len(names)
     for k, instances in enumerate(spec.instances):
-        meshes = {f"mesh{i}": mitsuba_shape(mi, m, WORLD) for i, m in enumerate(instances.meshes)}
+        own = working_frame(scene_bounds(instances.meshes))
+        meshes = {f"mesh{i}": mitsuba_shape(mi, m, own) for i, m in enumerate(instances.meshes)}
         groups.append(mi.load_dict({"type": "shapegroup", **meshes}))
         parts[f"group{k}"] = groups[-1]
-        placed = working.places_inward(np.moveaxis(instances.transforms, 0, 2))
+        transforms = own.places_from(np.moveaxis(instances.transforms, 0, 2))
+        placed = working.places_inward(transforms)
         for i, matrix in enumerate(np.moveaxis(placed, 2, 0)):
             to_world = mi.ScalarTransform4f(np.vstack([matrix, [0.0, 0.0, 0.0, 1.0]]))
             parts[f"instance{k}_{i}"] = {

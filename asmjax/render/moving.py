@@ -6,10 +6,9 @@ import numpy as np
 
 from asmjax.errors import UseError, require, unknown_name
 from asmjax.render.caster import MitsubaRays
-from asmjax.render.geometry import SceneGeometry, box_of
+from asmjax.render.geometry import SceneGeometry, box_of, read_quadrics
 from asmjax.render.instances import is_instance
 from asmjax.render.load import Scene
-from asmjax.render.quadrics import Quadrics
 from asmjax.render.working_frame import WorkingFrame
 
 LARGEST_OBJECT = 0.5
@@ -78,11 +77,11 @@ class MovingShapes:
         renderer.parameters_changed([])
         boxes = np.concatenate([before, self._boxes()])
         shapes, working = renderer.shapes(), self._scene.working
+        instancing = self._scene._instancing
         geometry = replace(
             _with_vertices(self._scene.geometry, shapes, self.shapes, renderer, working),
-            quadrics=Quadrics(mi, shapes, working),
+            quadrics=read_quadrics(mi, shapes, instancing, working),
         )
-        instancing = self._scene._instancing
         rays = MitsubaRays(mi, renderer, list(range(len(shapes))), geometry, instancing, working)
         self._scene = replace(self._scene, geometry=geometry, _rays=rays, _without={})
         return self._scene, boxes

@@ -5,21 +5,25 @@ rounded, and the places of sensors and lights are read as the file says them.
 """
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 
 from asmjax.errors import UseError
 from asmjax.render.search_path import only_beside
-from asmjax.render.working_frame import WorkingFrame
+from asmjax.render.working_frame import WORLD, WorkingFrame
 
 UNNAMED = "_unnamed_"
 """Begins the id of what the file gives none, as Mitsuba has it."""
 
 FIXED_RADII = ("bsplinecurve", "linearcurve")
 """Shapes whose radii no transform scales."""
+
+AT_HOME: Mapping[str, WorkingFrame] = MappingProxyType({})
+"""No shape group is moved."""
 
 
 class ParsedScene:
@@ -72,17 +76,25 @@ class ParsedScene:
                 "scene."
             ) from problem
 
-    def made(self, working: WorkingFrame):
+    def made(self, working: WorkingFrame, groups: Mapping[str, WorkingFrame] = AT_HOME):
         """The Mitsuba scene, its shapes moved into `working`; sensors and lights stay.
+
+        Args:
+            groups: frames into which the parts of shape groups are moved, by the group's id; of
+                others they stay.
 
         Raises:
             UseError: Mitsuba cannot make it.
         """
         # Making uses up what was parsed.
         state, self._state = self._state or self._parsed(), None
-        if not working.is_identity:
-            for number in self._own_shapes(state):
-                _move(self._mi, state.nodes[number].props, working)
+        shown = self._shown(state)
+        for number in self._shapes_in(state, 0):
+            own = groups.get(shown.get(number, ""), WORLD)
+            _move(self._mi, state.nodes[number].props, working, own)
+        for number, group in self._groups(state).items():
+            for part in self._shapes_in(state, number):
+                _move(self._mi, state.nodes[part].props, groups.get(group, WORLD))
         return self._attempt(lambda: self._mi.parser.instantiate(self._config, state))
 
     def check_documents(self, scanned: Sequence[Path]) -> None:
@@ -97,12 +109,17 @@ class ParsedScene:
 
     @property
     def can_move(self) -> bool:
-        """Whether all shapes can be moved: what a dictionary holds ready-made cannot."""
-        return not any(
+        """Whether all shapes can be moved: what a dictionary holds ready-made cannot, nor can a
+        shape that stands in several places, in a group and outside or in two groups."""
+        nodes = self._nodes()
+        ready = any(
             isinstance(value, self._mi.Shape)
-            for node in self._nodes()
+            for node in nodes
             for _, value in self._mi.Properties(node.props).items()
         )
+        roots = (0, *self._groups(self._state))
+        standing = [number for root in roots for number in self._shapes_in(self._state, root)]
+        return not ready and len(standing) == len(set(standing))
 
     @property
     def can_scale(self) -> bool:
@@ -119,17 +136,48 @@ class ParsedScene:
         copies = [self._mi.Properties(node.props) for node in self._nodes()]
         return {props.id(): _plain(props) for props in copies}
 
-    def _own_shapes(self, state) -> list[int]:
-        """Numbers of the shapes that stand in the scene itself, not in a group."""
+    def shown_groups(self) -> dict[str, str]:
+        """Id of the shape group that each instance shows, by the instance's id."""
+        nodes = self._nodes()
+        return {nodes[k].props.id(): group for k, group in self._shown(self._state).items()}
+
+    def _groups(self, state) -> dict[int, str]:
+        """Ids of the shape groups by their numbers."""
+        return {
+            number: node.props.id()
+            for number, node in enumerate(state.nodes)
+            if node.props.plugin_name() == "shapegroup"
+        }
+
+    def _shown(self, state) -> dict[int, str]:
+        """Id of the shape group that each instance shows, by the number of the instance."""
+        groups = self._groups(state)
+        return {
+            number: groups[child]
+            for number, node in enumerate(state.nodes)
+            if node.props.plugin_name() == "instance"
+            for child in self._referred(state, number)
+            if child in groups
+        }
+
+    def _referred(self, state, number: int) -> list[int]:
+        """Numbers of the nodes that a node refers to."""
+        # A copy: what was read of the original no longer counts as unknown.
+        props = self._mi.Properties(state.nodes[number].props)
+        return [
+            value.index()
+            for _, value in props.items()
+            if isinstance(value, self._mi.Properties.ResolvedReference)
+        ]
+
+    def _shapes_in(self, state, root: int) -> list[int]:
+        """Numbers of the shapes that stand in the scene itself, which is node 0, and not in a
+        group; or in a group."""
         shape = self._mi.ObjectType.Shape
         found: dict[int, None] = {}
-        waiting = [0]
+        waiting = [root]
         while waiting:
-            props = state.nodes[waiting.pop()].props
-            for _, value in props.items():
-                if not isinstance(value, self._mi.Properties.ResolvedReference):
-                    continue
-                number = value.index()
+            for number in self._referred(state, waiting.pop()):
                 child = state.nodes[number]
                 if child.type == shape and child.props.plugin_name() == "merge":
                     waiting.append(number)
@@ -151,12 +199,16 @@ def _plain(props) -> dict:
     return found
 
 
-def _move(mi, props, working: WorkingFrame) -> None:
+def _move(mi, props, working: WorkingFrame, group: WorkingFrame = WORLD) -> None:
     """Put `working` after the transform of a shape; places that are properties of their own become
-    part of it, for they would be rounded first."""
+    part of it, for they would be rounded first. An instance leads out of the frame of its `group`.
+    """
+    if working.is_identity and group.is_identity:
+        return
     matrix = working.matrix
     if "to_world" in props:
         matrix = matrix @ np.array(props["to_world"].matrix, np.float64).reshape(4, 4)
+    matrix = matrix @ group.inverse
     if props.plugin_name() == "sphere":
         own = np.eye(4)
         if "radius" in props:

@@ -4,6 +4,8 @@ A float32 quadratic loses digits with the square of distance / radius: on a rod 
 from 4 units away, hits are off by 7e-5, enough for it to shade itself.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from asmjax.render.working_frame import WorkingFrame
@@ -14,42 +16,47 @@ z, each under an affine transform."""
 
 
 class Quadrics:
-    """The spheres, cylinders and disks of a scene.
+    """The spheres, cylinders and disks of a scene, by where their one primitive is stored.
 
     Args:
         mi: the mitsuba module with its variant set.
-        shapes: Mitsuba shapes in the scene's order, in `working` coordinates.
+        parts: Mitsuba shapes: those of the scene in `working` coordinates, then those of shape
+            groups in coordinates of the group.
+        stored: (n_parts,) int64, ascending, where the primitives of each part begin.
+        own: how many of them are the scene's.
     """
 
-    def __init__(self, mi, shapes: list, working: WorkingFrame):
-        self._kind = np.full(max(len(shapes), 1), -1)
-        to_world = np.zeros((3, 4, self._kind.size))
-        to_world[:, :3] = np.eye(3)[:, :, None]
-        for k, shape in enumerate(shapes):
-            if shape.class_name() in KINDS:
-                self._kind[k] = KINDS.index(shape.class_name())
-                matrix = np.array(mi.traverse(shape)["to_world"].matrix, np.float64)
-                to_world[:, :, k] = matrix.reshape(4, 4)[:3]
-        mine = self._kind >= 0
-        to_world[:, :, mine] = working.places_outward(to_world[:, :, mine])
-        linear = np.moveaxis(to_world[:, :3], 2, 0)
-        self._to_local = np.moveaxis(np.linalg.inv(linear), 0, 2)
-        self._place = to_world[:, 3]
+    def __init__(self, mi, parts: Sequence, stored: np.ndarray, own: int, working: WorkingFrame):
+        mine = [k for k, part in enumerate(parts) if part.class_name() in KINDS]
+        places = np.zeros((3, 4, max(len(mine), 1)))
+        places[:, :3] = np.eye(3)[:, :, None]
+        self._stored = np.full(places.shape[2], -1)
+        self._kind = np.full(places.shape[2], -1)
+        for i, k in enumerate(mine):
+            matrix = np.array(mi.traverse(parts[k])["to_world"].matrix, np.float64)
+            places[:, :, i] = matrix.reshape(4, 4)[:3]
+            self._stored[i], self._kind[i] = stored[k], KINDS.index(parts[k].class_name())
+        of_scene = sum(k < own for k in mine)
+        places[:, :, :of_scene] = working.places_outward(places[:, :, :of_scene])
+        self._to_local = np.moveaxis(np.linalg.inv(np.moveaxis(places[:, :3], 2, 0)), 0, 2)
+        self._place = places[:, 3]
 
-    def known(self, shape: np.ndarray) -> np.ndarray:
-        """(n,) bool: which dense shape ids (n,), any for none, are of these kinds."""
-        return self._kind[np.maximum(shape, 0)] >= 0
+    def known(self, stored: np.ndarray) -> np.ndarray:
+        """(n,) bool: which primitives, by where they are stored (n,), are of these kinds."""
+        return (stored >= 0) & (self._stored[self._number(stored)] == stored)
 
     def meet(
-        self, shape: np.ndarray, origin: np.ndarray, directions: np.ndarray, near: np.ndarray
+        self, stored: np.ndarray, origins: np.ndarray, directions: np.ndarray, near: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Where world rays (3, n) from `origin` (3,) meet their shapes: t (n,) and normals (3, n).
+        """Where rays (3, n) meet primitives of these kinds: t (n,) and normals (3, n).
 
-        Of two meetings the one nearer to the parameter `near` (n,). A ray that misses in float64
-        gets the point where it comes nearest. Unit normals have either sign.
+        Rays and normals are in the coordinates in which the primitives are stored. Of two meetings
+        the one nearer to the parameter `near` (n,). A ray that misses in float64 gets the point
+        where it comes nearest. Unit normals have either sign.
         """
-        kind, rows = self._kind[shape], self._to_local[:, :, shape]
-        start = np.einsum("ikn,kn->in", rows, origin[:, None] - self._place[:, shape])
+        number = self._number(stored)
+        kind, rows = self._kind[number], self._to_local[:, :, number]
+        start = np.einsum("ikn,kn->in", rows, origins - self._place[:, number])
         along = np.einsum("ikn,kn->in", rows, directions)
         # Of a cylinder only x and y count, of a disk z alone.
         counts = np.array([[1.0, 1.0, 1.0], [1.0, 1.0, 0.0], [0.0, 0.0, 1.0]])[kind].T
@@ -66,3 +73,6 @@ class Quadrics:
         local = np.where(kind == 2, counts, o + t * d)
         normal = np.einsum("kin,kn->in", rows, local)
         return t, normal / np.linalg.norm(normal, axis=0)
+
+    def _number(self, stored: np.ndarray) -> np.ndarray:
+        return np.minimum(np.searchsorted(self._stored, stored), self._stored.size - 1)

@@ -4,6 +4,9 @@ A renderer's rays are float32, and rounding acts on the largest coordinate in pl
 units away keeps 2 mm of every metre. All of asmjax speaks of the scene where its user put it, in
 float64; only what is handed to the renderer is moved and scaled, in float64 before any rounding.
 Scales are powers of two and shifts have few digits, so that what is exact stays exact.
+
+A shape group has such a frame too, for the renderer turns rays into its coordinates: one that was
+modelled far from its own origin is moved there, and its instances lead back.
 """
 
 from dataclasses import dataclass, replace
@@ -47,6 +50,14 @@ class WorkingFrame:
         matrix = np.eye(4)
         matrix[:3, :3] *= self.scale
         matrix[:3, 3] = -self.scale * np.array(self.centre)
+        return matrix
+
+    @property
+    def inverse(self) -> np.ndarray:
+        """(4, 4) float64, from working to world coordinates."""
+        matrix = np.eye(4)
+        matrix[:3, :3] /= self.scale
+        matrix[:3, 3] = self.centre
         return matrix
 
     def inward(self, points: np.ndarray) -> np.ndarray:
@@ -93,6 +104,13 @@ class WorkingFrame:
         placed = places / self.scale
         placed[:, 3] += np.array(self.centre)[:, None]
         return placed
+
+    def places_from(self, places: np.ndarray) -> np.ndarray:
+        """(3, 4, n) float64: transforms out of coordinates that this frame, as one of a shape
+        group, takes for the world's, preceded by the way into those."""
+        if self.is_identity:
+            return places
+        return np.einsum("ikn,kj->ijn", places, self.inverse)
 
 
 WORLD = WorkingFrame()

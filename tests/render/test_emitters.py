@@ -40,7 +40,8 @@ def test_point_spot_and_directional():
     axis = np.array([-1.0, -1.5, -5.0]) / np.linalg.norm([1.0, 1.5, 5.0])
     assert torch.direction == pytest.approx(axis, abs=1e-6)
     assert torch.cutoff_deg == pytest.approx(33.0)
-    assert np.array(sun.direction) == pytest.approx(np.array([1.0, 2.0, -2.0]) / 3.0, abs=1e-6)
+    # To the last digit: at 2^22 texels float32 moves shadows by a quarter of a texel.
+    assert np.array(sun.direction) == pytest.approx(np.array([1.0, 2.0, -2.0]) / 3.0, abs=2e-16)
     assert moon.direction == pytest.approx(axis, abs=1e-6)
     assert all(light.shape is None for light in scene.lights.values())
 

@@ -93,11 +93,74 @@ def test_both_sides_misses_and_any_frame():
         ball = mi.load_dict({"type": "sphere", "center": centre.tolist(),
                              "radius": 2.0 * working.scale})  # fmt: skip
         cube = mi.load_dict({"type": "cube"})
-        quadrics = Quadrics(mi, [cube, ball], working)
-        assert quadrics.known(np.array([0, 1, -1])).tolist() == [False, True, False]
+        quadrics = Quadrics(mi, [cube, ball], np.array([0, 12, 13]), 2, working)
+        assert (
+            quadrics.known(np.array([0, 11, 12, 13, -1])).tolist()
+            == [False] * 2 + [True] + [False] * 2
+        )
         directions = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 0.0], [1.0, 1.0, 1.0]])
-        shape = np.ones(3, int)
-        t, normal = quadrics.meet(shape, np.zeros(3), directions, np.array([3.1, 6.9, 2.0]))
+        stored = np.full(3, 12)
+        near = np.array([3.1, 6.9, 2.0])
+        t, normal = quadrics.meet(stored, np.zeros((3, 1)), directions, near)
         np.testing.assert_allclose(t[:2], [3.0, 7.0], rtol=1e-6)
         np.testing.assert_allclose(t[2], 2.5, rtol=1e-6)
         np.testing.assert_allclose(normal[:, :2], [[0, 0], [0, 0], [-1, 1]], atol=1e-6)
+
+
+XML = """<scene version="3.0.0">
+<sensor type="perspective" id="eye"><float name="fov" value="6"/><transform name="to_world">
+  <lookat origin="0.3,-8,6" target="0.05,0,0.5" up="0,0,1"/></transform>
+  <film type="hdrfilm"><integer name="width" value="160"/>
+  <integer name="height" value="120"/></film>
+</sensor>
+<emitter type="point" id="lamp"><point name="position" x="1.5" y="-0.5" z="5"/></emitter>
+<shape type="rectangle" id="floor"><transform name="to_world"><scale value="3"/></transform></shape>
+{}</scene>"""
+
+THREE = """<shape type="cylinder" id="rod"><point name="p0" x="-0.2" y="-0.6" z="0.5"/>
+  <point name="p1" x="-0.2" y="0.6" z="0.55"/><float name="radius" value="0.01"/>
+  <transform name="to_world">{0}</transform></shape>
+<shape type="sphere" id="ball"><point name="center" x="0.1" y="0" z="0.5"/>
+  <float name="radius" value="0.03"/><transform name="to_world">{0}</transform></shape>
+<shape type="disk" id="plate"><transform name="to_world"><scale value="0.06"/>
+  <rotate x="1" angle="30"/><translate x="0.3" y="0.1" z="0.4"/>{0}</transform></shape>"""
+"""The rods of `rods`, and what comes after their transforms."""
+
+
+def seen_in(tmp_path, parts: str):
+    path = tmp_path / "scene.xml"
+    path.write_text(XML.format(parts))
+    scene = load_scene(path)
+    eye = scene.eye(scene.view())
+    rays = scene.shadow_rays(eye, scene.light_frame(eye), scene.light_rays())
+    return eye, rays.facing, rays.trace()
+
+
+@pytest.mark.parametrize(
+    ("there", "back"),
+    [
+        ("", ""),
+        ('<scale value="8"/>', '<scale value="0.125"/>'),
+        ('<translate x="131072"/>', '<translate x="-131072"/>'),
+        ('<scale value="0.0001"/>', '<scale value="10000"/>'),
+    ],
+    ids=["home", "shrunk", "far", "grown"],
+)
+def test_in_groups_as_outside_of_them(tmp_path, there, back):
+    """An instance of the three shows what three shapes of the scene show. Before, half of the rod
+    and a third of the disk shaded themselves, and of an instance that shrinks its ball the renderer
+    lost a third of the outline."""
+    place = f'<transform name="to_world">{back}</transform>'
+    inside = f'<shape type="shapegroup" id="group">{THREE.format(there)}</shape>'
+    shown = f'<shape type="instance" id="one"><ref id="group"/>{place}</shape>'
+    ref, facing, ref_lit = seen_in(tmp_path, THREE.format(""))
+    eye, _, lit = seen_in(tmp_path, inside + shown)
+    same = (eye.prim == ref.prim) & ref.valid
+    assert np.mean(eye.prim != ref.prim) < 2e-3 and np.mean(lit != ref_lit) < 2e-3
+    for part in (2, 3, 4):
+        mine = same & (ref.prim == part)
+        assert mine.sum() > 20 and facing[mine].sum() > 20
+        np.testing.assert_array_equal(lit[mine], ref_lit[mine])
+        # The float32 place of the shape itself, and a few at its outline, which are thrown far.
+        off = np.abs(eye.world - ref.world)[:, mine].max(axis=0)
+        assert np.mean(off > 1e-6) < 0.03

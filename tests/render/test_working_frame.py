@@ -252,6 +252,15 @@ def test_a_shape_that_is_referred_to_twice_is_moved_once(tmp_path):
     np.testing.assert_allclose(twice.geometry.bounds[0], [5e4 - 1, 5e4 + 1])
 
 
+def test_a_shape_in_a_group_and_outside_of_it_stays(tmp_path):
+    """It cannot be moved for both, and the run says what that costs."""
+    group = '<shape type="shapegroup" id="g"><ref id="a"/></shape>'
+    one = '<shape type="instance"><ref id="g"/></shape>'
+    scene = with_parts(tmp_path, placed("cube", 5e4, 1.0, 'id="a"'), group, one)
+    assert scene.working is WORLD and "stand in several places" in scene.notices[0]
+    np.testing.assert_allclose(scene.geometry.bounds[0], [5e4 - 1, 5e4 + 1])
+
+
 def test_a_small_scene_that_float32_makes_a_point_is_found(tmp_path):
     """0.01 units wide, a million away: there float32 knows 0.06 units."""
     scene = with_parts(tmp_path, placed("cube", 1e6 + 0.3, 0.005))
