@@ -1,13 +1,18 @@
 # One command each; every target does all set-up first (and none when it is done already).
 #   make run ARGS="terrain --size 256 256"      make test ARGS="-k footprint"
+#   make extras EXTRA=notebooks
 ARGS ?=
 BIN := .venv/bin
 
 .DEFAULT_GOAL := run
-.PHONY: setup run test test-hard lint types bench docs lock
+.PHONY: setup extras run test test-hard lint types bench docs lock
 
 setup:
 	@scripts/setup
+
+# What pyproject.toml calls an extra, into the same environment.
+extras: setup
+	@scripts/setup --extra $(or $(EXTRA),$(error which? make extras EXTRA=analysis, notebooks, cuda12 or cuda13))
 
 run: setup
 	@$(BIN)/asmjax run $(ARGS)
@@ -32,7 +37,7 @@ bench: setup
 
 # Into build/site; a broken link or reference fails it.
 docs: setup
-	@scripts/setup docs
+	@scripts/setup --group docs
 	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 
 # A requirements file names versions only; uv.lock would name the registry of whoever made it.

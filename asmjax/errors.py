@@ -29,6 +29,14 @@ def unknown_name(kind: str, got: str, allowed: Iterable[str], remedy: str = "") 
     return UseError(f"unknown {kind} '{got}'; known: {known}.{hint} {remedy}".rstrip())
 
 
+def missing_extra(module: str, extra: str) -> UseError:
+    """A `UseError` for a library that is not here, which an extra of asmjax installs."""
+    return UseError(
+        f"this needs {module}, which is not installed; in the project's folder `make extras "
+        f"EXTRA={extra}` installs it, or, in an environment of your own, pip install '.[{extra}]'."
+    )
+
+
 def require(condition: bool, message: str) -> None:
     """Raise `UseError(message)` unless `condition` holds."""
     if not condition:

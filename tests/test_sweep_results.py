@@ -62,7 +62,7 @@ def test_csv_has_a_line_for_each_trial(swept, tmp_path):
 
 def test_an_export_without_its_library_names_the_extra(swept, monkeypatch):
     monkeypatch.setitem(sys.modules, "xarray", None)
-    with pytest.raises(UseError, match="needs xarray.*pip install 'asmjax\\[analysis\\]'"):
+    with pytest.raises(UseError, match="needs xarray.*make extras EXTRA=analysis"):
         results(swept).to_xarray()
 
 
@@ -89,7 +89,7 @@ def test_a_dataset_of_trials_or_on_a_grid(swept):
         found.to_xarray(dims=("memory",))
 
 
-def test_netcdf_and_parquet_come_back(swept, tmp_path):
+def test_netcdf_comes_back(swept, tmp_path):
     xarray = extra("xarray")
     for module in ("h5netcdf", "h5py"):
         extra(module)
@@ -98,6 +98,10 @@ def test_netcdf_and_parquet_come_back(swept, tmp_path):
     with xarray.open_dataset(tmp_path / "all.nc", engine="h5netcdf") as back:
         assert np.nansum(back["error.wrong"]) == 3.75
         assert back["key"].values.tolist() == [row["key"] for row in found.rows()]
-    found.to_parquet(tmp_path / "all.parquet")
-    table = extra("pyarrow.parquet").read_table(tmp_path / "all.parquet")
+
+
+def test_parquet_comes_back(swept, tmp_path):
+    parquet = extra("pyarrow.parquet")
+    results(swept).to_parquet(tmp_path / "all.parquet")
+    table = parquet.read_table(tmp_path / "all.parquet")
     assert table.num_rows == 7 and table["view"].to_pylist().count("a") == 4

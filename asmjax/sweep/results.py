@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from asmjax.errors import UseError, require, unknown_name
+from asmjax.errors import UseError, missing_extra, require, unknown_name
 from asmjax.paths import write_atomic
 from asmjax.sweep.store import Row, stored_rows
 
@@ -276,10 +276,7 @@ def _needed(module: str) -> ModuleType:
     try:
         return importlib.import_module(module)
     except ImportError as problem:
-        raise UseError(
-            f"this needs {module.partition('.')[0]}, which is not installed; install the extra: "
-            "pip install 'asmjax[analysis]'."
-        ) from problem
+        raise missing_extra(module.partition(".")[0], "analysis") from problem
 
 
 @contextlib.contextmanager
