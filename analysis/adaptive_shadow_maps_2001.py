@@ -32,10 +32,9 @@ from asmjax.report.provenance import provenance
 from asmjax.report.stepwise import StepwiseRecord
 from asmjax.report.table import MB
 from asmjax.report.walk_record import COMPLETE, WalkRecord
+from asmjax.scene.other_scenes import OTHER_SCENES, other_scene, why_left_out
 from asmjax.shadow import AdaptiveShadowMap, UniformShadowMap, resolution_for
 from asmjax.walkthrough_job import Walk
-
-HOUSE = Path(__file__).resolve().parents[2] / "shared/scenes/victorian_house/victorian_house.xml"
 
 
 @dataclass(frozen=True)
@@ -49,7 +48,7 @@ class Sizes:
     large_frames: int = 24
     many_samples: int = 16
     views: tuple[str, ...] = ("overview", "closeup", "macro")
-    house: str = str(HOUSE)
+    house: str = "victorian_house"
     large: str = "surface:12m"
     pixel_sides: tuple[int, ...] = (256, 512, 1024, 2048)
     triangles: tuple[int, ...] = (10_000, 100_000, 1_000_000, 10_000_000)
@@ -170,11 +169,12 @@ def views(analysis: Analysis) -> None:
 def house_walk(analysis: Analysis, samples: int) -> None:
     """A scene of a million triangles that this project did not make, where it is at hand."""
     house, frames = analysis.sizes.house, analysis.sizes.large_frames
-    name = Path(house).stem + (f", {samples} samples" if samples > 1 else "")
-    if house.endswith(".xml") and not Path(house).exists():
-        analysis.record["skipped"][name] = f"there is no {Path(house).name} beside the project"
+    name = house + (f", {samples} samples" if samples > 1 else "")
+    where = other_scene(house) if house in OTHER_SCENES else house
+    if where is None:
+        analysis.record["skipped"][name] = why_left_out(house)
         return
-    walkthrough(analysis, name, house, frames=frames, samples=samples)
+    walkthrough(analysis, name, str(where), frames=frames, samples=samples)
 
 
 def surface_walk(analysis: Analysis) -> None:
@@ -230,7 +230,7 @@ def growth_figure(analysis: Analysis) -> None:
 def steps(analysis: Analysis) -> dict[str, Callable[[], None]]:
     """The steps in order, by name."""
     sizes = analysis.sizes
-    house = Path(sizes.house).stem
+    house = sizes.house
     every: dict[str, Callable[..., None]] = {
         "views and figures": views,
         "walkthrough of paper_room": paper_walk,

@@ -7,7 +7,7 @@ prices), the time that `asmjax tune` takes, the front by continuation, and repla
     python experiments/accuracy_and_time.py [--smoke] [--out DIR] [--scenes NAME ...]
 
 Takes about 25 minutes on 2 cores. Times decide, so nothing else may run beside it.
-Scenes of other folders are looked for in ../shared/scenes and left out where absent.
+Scenes that the project did not make are left out where absent (docs/other_scenes.md).
 """
 
 import argparse
@@ -32,6 +32,7 @@ from asmjax.options import TuneOptions
 from asmjax.preparation import bench_of, calibrated
 from asmjax.render.load import load_scene
 from asmjax.report.stepwise import StepwiseRecord, head_of
+from asmjax.scene.other_scenes import OTHER_SCENES, other_scene, why_left_out
 from asmjax.shadow import AdaptiveShadowMap
 from asmjax.tune_job import chosen_views, held_out_benches
 from asmjax.tuning.calibrate import calibrated_fit
@@ -41,10 +42,8 @@ from asmjax.tuning.search import Model, loss, model_of, said_of
 from asmjax.tuning.space import Space
 from asmjax.tuning.tuner import Tuner
 
-SHARED = Path(__file__).parents[2] / "shared" / "scenes"
-
 SCENES = ("paper_room", "terrain", "munich", "breakfast_room", "victorian_house")
-"""Built-in names, and scenes of `SHARED`."""
+"""Built-in names, and some of `OTHER_SCENES`."""
 
 RANKED = {"paper_room": 0.9, "munich": 0.8, "terrain": 0.8, "breakfast_room": 0.8}
 """Scenes whose settings are ranked, and the least rank correlation."""
@@ -88,10 +87,10 @@ class Subject:
 
 def subject_of(name: str, size: tuple[int, int] | None) -> Subject | None:
     """The scene of that name; None where its file is not there."""
-    path = SHARED / name / f"{name}.xml"
-    where = str(path) if path.exists() else name
-    if not path.exists() and name not in ("paper_room", "terrain"):
+    where = other_scene(name) if name in OTHER_SCENES else name
+    if where is None:
         return None
+    where = str(where)
     options = TuneOptions(scene=where, size=size, quiet=True)
     scene = load_scene(where, options.variant)
     tuned_on, held_out = chosen_views(scene, options)
@@ -141,7 +140,7 @@ class Study:
         """Everything about one scene."""
         subject = subject_of(name, self.size)
         if subject is None:
-            self.record.record.setdefault("left_out", []).append(f"{name}: not in {SHARED}")
+            self.record.record.setdefault("left_out", []).append(f"{name}: {why_left_out(name)}")
             return
         ledger = Ledger(self.folder / f"{name}.jsonl")
         space = None

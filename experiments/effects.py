@@ -9,8 +9,8 @@ families registered, and without, in turns.
 
     python experiments/effects.py [--smoke] [--out DIR] [--only STEP ...] [--docs]
 
-Takes about 5 minutes on 2 cores. Times are compared, so nothing else may run beside it. Scenes of
-other folders are looked for in ../shared/scenes and left out where absent. `--docs` writes
+Takes about 5 minutes on 2 cores. Times are compared, so nothing else may run beside it. Scenes that
+the project did not make are left out where absent (docs/other_scenes.md). `--docs` writes
 docs/images/skipped.png.
 """
 
@@ -47,11 +47,11 @@ from asmjax.report.figures.board import CAPTION, EDGE, GAP, HEAD, Board, png
 from asmjax.report.figures.shading import shade
 from asmjax.report.figures.style import BACKGROUND, styled
 from asmjax.report.stepwise import StepwiseRecord, head_of
+from asmjax.scene.other_scenes import OTHER_SCENES, other_scene, why_left_out
 from asmjax.shadow import ALGORITHMS, AccumulatedShadowMap, ShadowAlgorithm, UniformShadowMap
 from asmjax.shadow.registry import FILTERS, SOFT
 
 ROOT = Path(__file__).parents[1]
-SHARED = ROOT.parent / "shared" / "scenes"
 
 SUN = np.radians(0.5338)
 """The sun's angular diameter, radians."""
@@ -111,10 +111,10 @@ SUBJECTS = (
 
 def scene_of(subject: Subject) -> Scene | None:
     """The scene of that name; None where its file is not there."""
-    path = SHARED / subject.scene / f"{subject.scene}.xml"
-    if not path.exists() and subject.scene != "paper_room":
+    where = other_scene(subject.scene) if subject.scene in OTHER_SCENES else subject.scene
+    if where is None:
         return None
-    scene = load_scene(str(path) if path.exists() else subject.scene)
+    scene = load_scene(where)
     if not subject.disk:
         return scene
     light = scene.light()
@@ -143,7 +143,8 @@ class Study:
         """One plan, carried out, and everything in its place."""
         scene = scene_of(subject)
         if scene is None:
-            self.record.record.setdefault("left_out", []).append(f"{subject.name}: no {SHARED}")
+            why = f"{subject.name}: {why_left_out(subject.scene)}"
+            self.record.record.setdefault("left_out", []).append(why)
             return
         view = scene.view()
         view = view.resized(self.width, round(self.width * view.height / view.width))

@@ -33,7 +33,7 @@ from asmjax.shadow.comparison import pack_prim
 pytestmark = [pytest.mark.mitsuba, pytest.mark.timeout(900)]
 
 SIDE = 512
-HOUSE = "victorian_house/victorian_house.xml"
+HOUSE = "victorian_house"
 VIEWS = ("overview", "closeup", "macro", HOUSE)
 ROUNDS = 15
 
@@ -47,7 +47,7 @@ class Scene(NamedTuple):
     state: AdaptiveState
 
 
-@pytest.fixture(scope="module", params=VIEWS, ids=lambda view: view.split("/")[0])
+@pytest.fixture(scope="module", params=VIEWS)
 def scene(request) -> Scene:
     """Three views of the paper's room, of few large triangles and many small ones, and a house of
     small triangles under an empty sky."""

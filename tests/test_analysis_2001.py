@@ -107,17 +107,17 @@ def test_a_step_that_fails_costs_only_itself(script, tmp_path, caplog):
     assert "step 'a' failed" in caplog.text
 
 
-def test_absent_house_is_skipped_with_a_reason(script, tmp_path):
+def test_absent_house_is_skipped_with_a_reason(script, tmp_path, monkeypatch):
     """Its bounds say why they are not measured."""
-    house = str(tmp_path / "victorian_house.xml")
-    sizes = dataclasses.replace(script["QUICK"], house=house, many_samples=16)
+    monkeypatch.setenv("ASMJAX_SCENES", str(tmp_path))
+    sizes = dataclasses.replace(script["QUICK"], house="victorian_house", many_samples=16)
     analysis = script["Analysis"](tmp_path / "out", sizes, True)
     script["house_walk"](analysis, 1)
     script["house_walk"](analysis, 16)
     analysis.kept.write()
     bounds = {bound["name"]: bound for bound in analysis.record["bounds"]}
     for name in ("victorian_house", "victorian_house, 16 samples"):
-        assert "there is no victorian_house.xml" in bounds[name]["reason"]
+        assert "there is no victorian_house/victorian_house.xml" in bounds[name]["reason"]
 
 
 def test_command_line(script, tmp_path, monkeypatch, capsys):

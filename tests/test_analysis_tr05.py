@@ -138,10 +138,10 @@ def test_bounds_of_measured_numbers(script):
 
 
 def test_missing_scene_is_left_out_with_a_reason(script, tmp_path, monkeypatch):
-    """A shared scene that is not there: a line in the record and in the document."""
+    """One of others that is not there: a line in the record and in the document."""
     analysis = script["Analysis"](tmp_path, script["QUICK"], quiet=True)
     setting = sys.modules["tr05.setting"]
-    monkeypatch.setattr(setting, "SHARED", tmp_path)
+    monkeypatch.setenv("ASMJAX_SCENES", str(tmp_path))
     assert setting.scene_of(analysis, "munich") is None
     assert "munich/munich.xml" in analysis.record["skipped"]["munich"]
     assert "## Left out" in document(analysis.record)

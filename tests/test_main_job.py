@@ -378,20 +378,14 @@ def test_paper_room_bounds(view, factor, resolution):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "path",
-    [
-        "munich/munich_merged.xml",
-        "breakfast_room/breakfast_room.xml",
-        "victorian_house/victorian_house.xml",
-        "japanese_classroom/japanese_classroom.xml",
-        "cornell_box/cornell_box.xml",
-    ],
+    "name",
+    ["munich_merged", "breakfast_room", "victorian_house", "japanese_classroom", "cornell_box"],
 )
-def test_real_scenes_gain(path):
+def test_real_scenes_gain(name):
     """On every real scene the adaptive map is better than the uniform one of its memory."""
     from asmjax.main_job import measure_scene
     from asmjax.report.run_files import report_of
 
-    options = RunOptions(scene=real_scene(path), size=(320, 240), memory_mb=4, repeats=1)
+    options = RunOptions(scene=real_scene(name), size=(320, 240), memory_mb=4, repeats=1)
     error = fractions(report_of(measure_scene(options), options.seed))
     assert error["adaptive"] < error["uniform"]

@@ -285,7 +285,7 @@ def test_what_only_a_point_stands_for_is_said():
 def test_the_cornell_box_is_soft(capsys, tmp_path):
     """From the command line, with table and reasons printed."""
     out = tmp_path / "out"
-    scene = real_scene("cornell_box/cornell_box.xml")
+    scene = real_scene("cornell_box")
     assert cli.main(["plan", scene, "--size", "128", "128", "--out", str(out)]) == 0
     printed = capsys.readouterr().out
     assert "soft" in printed and "penumbrae are" in printed and "skipped:" in printed

@@ -14,9 +14,10 @@ from asmjax.geometry import LightFrame
 from asmjax.metrics import error_summary, surface_pairs
 from asmjax.render.caster import MitsubaRays
 from asmjax.render.load import Scene, load_scene
+from asmjax.scene.other_scenes import OTHER_SCENES, other_scene, why_left_out
 from asmjax.scene.spec import LightSpec, ViewSpec
 from asmjax.shadow import ShadowAlgorithm
-from tr05.sizes import SHARED, Analysis
+from tr05.sizes import Analysis
 
 COLUMNS = """<scene version="3.0.0">
 <sensor type="perspective" id="along_the_columns">
@@ -34,13 +35,6 @@ COLUMNS = """<scene version="3.0.0">
 </scene>
 """
 """A sun across 900 units of columns, y up, and an eye beside the first of them."""
-
-FILES = {
-    "shadow_columns": "meshes/shadow_columns.ply",
-    "munich": "munich/munich.xml",
-    "victorian_house": "victorian_house/victorian_house.xml",
-}
-"""Files of shared scenes by name; every other name is a built-in scene."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,11 +78,11 @@ class Setting:
 
 def scene_of(analysis: Analysis, name: str) -> Scene | None:
     """A scene by name; None, and a reason in the record, where its file is not there."""
-    if name not in FILES:
+    if name not in OTHER_SCENES:
         return load_scene(name)
-    path = SHARED / FILES[name]
-    if not path.is_file():
-        analysis.record["skipped"][name] = f"there is no {FILES[name]} beside the project"
+    path = other_scene(name)
+    if path is None:
+        analysis.record["skipped"][name] = why_left_out(name)
         return None
     if path.suffix == ".xml":
         return load_scene(path)

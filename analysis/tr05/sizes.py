@@ -6,9 +6,6 @@ from pathlib import Path
 from asmjax.report.paper_tr05 import PAPER, bounds_of, document
 from asmjax.report.stepwise import StepwiseRecord
 
-SHARED = Path(__file__).resolve().parents[3] / "shared/scenes"
-"""Scenes that the project did not make; steps that need one are left out where it is not there."""
-
 
 @dataclass(frozen=True)
 class Sizes:

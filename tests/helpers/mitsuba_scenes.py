@@ -1,19 +1,20 @@
 """Scenes for the renderer's tests: real files, dictionaries, and Mitsuba's own rays as a twin."""
 
 import functools
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-REAL_SCENES = Path(__file__).parents[3] / "shared" / "scenes"
+from asmjax.scene.other_scenes import other_scene, scenes_dir, why_left_out
+
+REAL_SCENES = scenes_dir()
 
 
-def real_scene(relative: str) -> str:
-    """Path of a file of the shared scenes; skips the test where they are not checked out."""
-    path = REAL_SCENES / relative
-    if not path.is_file():
-        pytest.skip(f"the shared scene {relative} is not here")
+def real_scene(name: str) -> str:
+    """Path of a scene that the project did not make; skips the test where it is not there."""
+    path = other_scene(name)
+    if path is None:
+        pytest.skip(why_left_out(name))
     return str(path)
 
 

@@ -165,7 +165,7 @@ def test_the_renderer_names_the_plugins():
     assert "prb" not in plugins  # registered by Python code
 
 
-@pytest.mark.skipif(not REAL_SCENES.is_dir(), reason="the shared scenes are not here")
+@pytest.mark.skipif(not REAL_SCENES.is_dir(), reason="not here: docs/other_scenes.md")
 def test_real_scenes_pass():
     """All of them, with their thousands of mesh files."""
     paths = sorted(REAL_SCENES.glob("*/*.xml"))

@@ -77,7 +77,7 @@ def real_meshes(folder: Path) -> Path:
 def test_mutations(make, share, tmp_path):
     """No mutation ends this process, takes more than a line to refuse, or opens files elsewhere."""
     if make is not made_scene and not (CORNELL.is_dir() and MUNICH.is_dir()):
-        pytest.skip("the shared scenes are not here")
+        pytest.skip("not here: docs/other_scenes.md")
     path = make(tmp_path)
     originals = {file: file.read_bytes() for file in sorted(tmp_path.rglob("*.*"))}
     # The scene itself as often as all meshes together.

@@ -79,7 +79,7 @@ def test_spheres_and_meshes():
 def test_the_luminaire_of_the_cornell_box():
     """A mesh of two triangles: a rectangle of 130 by 105, which emits downwards; by its spectrum it
     is bright."""
-    light = only(loaded(real_scene("cornell_box/cornell_box.xml")))
+    light = only(loaded(real_scene("cornell_box")))
     area = light.area
     assert area is not None and area.shape == "rectangle"
     assert area.area == pytest.approx(130 * 105, rel=0.01)

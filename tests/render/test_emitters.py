@@ -137,7 +137,7 @@ def test_lamp_still_shades_the_light_of_another():
 
 def test_cornell_box():
     """The luminaire's two triangles surround its centre; most of the floor is lit by it."""
-    scene = loaded(real_scene("cornell_box/cornell_box.xml"))
+    scene = loaded(real_scene("cornell_box"))
     (light,) = scene.lights.values()
     assert light.shape == 0 and "area emitter" in scene.notices[0]
     assert light.spec.position == pytest.approx((278.0, 548.3, 279.5), abs=0.5)

@@ -64,7 +64,7 @@ def test_positions_agree_with_mitsuba(name):
     """The exact point is Mitsuba's own `si.p` up to the rounding of a float32 hit."""
     mi = activate()
     sources = {"each": lambda: load_scene(one_of_each(mi)),
-               "cornell": lambda: loaded(real_scene("cornell_box/cornell_box.xml"))}  # fmt: skip
+               "cornell": lambda: loaded(real_scene("cornell_box"))}  # fmt: skip
     scene = sources.get(name, lambda: loaded(name))()
     eye = seen(scene)
     ray = eye.camera.directions(*eye.camera.centres())

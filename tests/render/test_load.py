@@ -151,20 +151,20 @@ def test_smallest_image():
 
 REAL = {
     # Triangles as counted in the files.
-    "munich/munich_merged.xml": (38_938, 5, "sun"),
-    "munich/munich.xml": (38_938, 2_367, "sun"),
-    "breakfast_room/breakfast_room.xml": (269_538, None, "sun"),
-    "victorian_house/victorian_house.xml": (1_011_600, None, "sun"),
-    "japanese_classroom/japanese_classroom.xml": (103_832, None, "sun"),
-    "cornell_box/cornell_box.xml": (38, 8, None),
+    "munich_merged": (38_938, 5, "sun"),
+    "munich": (38_938, 2_367, "sun"),
+    "breakfast_room": (269_538, None, "sun"),
+    "victorian_house": (1_011_600, None, "sun"),
+    "japanese_classroom": (103_832, None, "sun"),
+    "cornell_box": (38, 8, None),
 }
 
 
-@pytest.mark.parametrize("path", REAL)
-def test_real_scene(path):
+@pytest.mark.parametrize("name", REAL)
+def test_real_scene(name):
     """Every triangle arrives, shapes stay apart, and the sun casts a shadow that is seen."""
-    scene = loaded(real_scene(path))
-    triangles, shapes, light = REAL[path]
+    scene = loaded(real_scene(name))
+    triangles, shapes, light = REAL[name]
     assert scene.geometry.triangles == triangles
     assert shapes in (None, len(scene._scene.shapes()))
     assert light is None or (light in scene.lights and "ambient" in " ".join(scene.notices))
@@ -182,7 +182,7 @@ def test_real_scene(path):
 def test_raw_mesh_through_a_dictionary(name, triangles):
     """A PLY file of any scale, seen whole and lit from the eye's side, shows all it has."""
     mi = activate()
-    filename = real_scene(f"meshes/{name}.ply")
+    filename = real_scene(name)
     box = mi.load_dict({"type": "ply", "filename": filename}).bbox()
     low, high = np.array(box.min).ravel(), np.array(box.max).ravel()
     middle, size = (low + high) / 2, np.linalg.norm(high - low)

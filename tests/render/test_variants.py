@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from helpers.effort import effort
-from helpers.mitsuba_scenes import REAL_SCENES, loaded, real_scene, vectorised
+from helpers.mitsuba_scenes import loaded, real_scene, vectorised
 
 from asmjax.buffers import TexelWindows, whole_image
+from asmjax.scene.other_scenes import OTHER_SCENES, other_scene
 
 pytestmark = pytest.mark.mitsuba
 
@@ -60,7 +61,7 @@ def generic_rays(source: str) -> dict[str, np.ndarray]:
     return {"blocked": rays.occluded(start, target - start, 1.0), "prim": prim, "t": t}
 
 
-CORNELL = "cornell_box/cornell_box.xml"
+CORNELL = "cornell_box"
 CASES = [("letter_f", "point"), ("letter_f", "directional"), ("a6_sphere", None), (CORNELL, None)]
 
 FINE = "terrain"
@@ -81,7 +82,7 @@ for case in cases:
 
 
 def path_of(source: str) -> str:
-    return str(REAL_SCENES / source) if source.endswith(".xml") else source
+    return str(other_scene(source)) if source in OTHER_SCENES else source
 
 
 @pytest.fixture(scope="module")
@@ -91,7 +92,7 @@ def slow(tmp_path_factory) -> Path:
         pytest.skip("no second variant: this process runs scalar_rgb itself")
     out = tmp_path_factory.mktemp("scalar")
     cases = [f"{i}|{path_of(s)}|{light or ''}" for i, (s, light) in enumerate(CASES)
-             if s != CORNELL or Path(path_of(s)).is_file()]  # fmt: skip
+             if s != CORNELL or other_scene(s)]  # fmt: skip
     paths = [str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH", "")]
     done = subprocess.run(
         [sys.executable, "-c", CHILD, str(out), *cases],
