@@ -22,14 +22,39 @@ Vector = tuple[float, float, float]
 LightKind = Literal["point", "spot", "directional"]
 
 
+SKEW = 1e-6
+"""Cosine between the sides of a rectangle that passes for a right angle."""
+
+
 @dataclass(frozen=True, eq=False)
 class Mesh:
-    """Flat triangles: `vertices` (3, n_vertices) float64, `faces` (3, n_faces) int32."""
+    """Flat triangles: `vertices` (3, n_vertices) float64, `faces` (3, n_faces) int32, from 0."""
 
     name: str
     vertices: np.ndarray
     faces: np.ndarray
     reflectance: Vector = (0.7, 0.7, 0.7)
+
+    def __post_init__(self):
+        for part in ("vertices", "faces"):
+            shape = np.shape(getattr(self, part))
+            require(
+                len(shape) == 2 and shape[0] == 3 and shape[1] > 0,
+                f"mesh '{self.name}' has {part} of shape {shape}; allowed: (3, n) with n "
+                "of 1 or more, one column each: transpose an array of rows.",
+            )
+        # Smallest and largest say of all whether they are finite, and no copy is made.
+        least, most = np.min(self.vertices), np.max(self.vertices)
+        require(
+            bool(np.isfinite(least) and np.isfinite(most)),
+            f"mesh '{self.name}' has vertices that are not finite; give finite numbers.",
+        )
+        first, last, count = np.min(self.faces), np.max(self.faces), np.shape(self.vertices)[1]
+        require(
+            bool(isinstance(first, np.integer) and 0 <= first <= last < count),
+            f"mesh '{self.name}' has {count} vertices, and faces of {first.dtype} from {first} to "
+            f"{last}; allowed: whole numbers from 0 to {count - 1}.",
+        )
 
 
 @dataclass(frozen=True)
@@ -42,6 +67,16 @@ class Rectangle:
     half_v: Vector
     reflectance: Vector = (0.7, 0.7, 0.7)
 
+    def __post_init__(self):
+        _check_numbers("rectangle", self.name, self.centre, self.half_u, self.half_v)
+        size = math.hypot(*self.half_u) * math.hypot(*self.half_v)
+        along = sum(u * v for u, v in zip(self.half_u, self.half_v, strict=True))
+        require(
+            size > 0 and abs(along) <= SKEW * size,
+            f"rectangle '{self.name}' has sides along {self.half_u} and {self.half_v}; allowed: "
+            "two of some length that are perpendicular: make a parallelogram a mesh.",
+        )
+
 
 @dataclass(frozen=True)
 class Disk:
@@ -53,6 +88,14 @@ class Disk:
     radius: float
     reflectance: Vector = (0.7, 0.7, 0.7)
 
+    def __post_init__(self):
+        _check_numbers("disk", self.name, self.centre, self.normal)
+        _check_radius("disk", self.name, self.radius)
+        require(
+            any(self.normal),
+            f"disk '{self.name}' has a normal of {self.normal}; allowed: any direction.",
+        )
+
 
 @dataclass(frozen=True)
 class Sphere:
@@ -63,8 +106,26 @@ class Sphere:
     radius: float
     reflectance: Vector = (0.7, 0.7, 0.7)
 
+    def __post_init__(self):
+        _check_numbers("sphere", self.name, self.centre)
+        _check_radius("sphere", self.name, self.radius)
+
 
 Shape = Mesh | Rectangle | Disk | Sphere
+
+
+def _check_numbers(kind: str, name: str, *vectors: Vector) -> None:
+    require(
+        all(len(vector) == 3 and all(map(math.isfinite, vector)) for vector in vectors),
+        f"{kind} '{name}' has {', '.join(map(str, vectors))}; allowed: three finite numbers each.",
+    )
+
+
+def _check_radius(kind: str, name: str, radius: float) -> None:
+    require(
+        0 < radius < math.inf,
+        f"{kind} '{name}' has a radius of {radius}; allowed: finite and above 0.",
+    )
 
 
 @dataclass(frozen=True, eq=False)
