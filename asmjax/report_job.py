@@ -5,8 +5,20 @@ from pathlib import Path
 from asmjax.errors import UseError
 from asmjax.options import ReportOptions
 from asmjax.report.outputs import PAGE
-from asmjax.report.page import write_page
+from asmjax.report.page import SECTIONS, write_page
 from asmjax.report.page.words import megabytes
+from asmjax.report.schema import validate_report
+from asmjax.sweep.page import sweep_part
+from asmjax.sweep.schema import SWEEP_SCHEMA, check_sweep
+
+ALL_SECTIONS = {**SECTIONS, SWEEP_SCHEMA: sweep_part}
+"""Of every kind of report."""
+
+
+def check_report(report: object) -> None:
+    """Check a report of any kind. Raises `InvalidReport` where it does not follow its schema."""
+    is_sweep = isinstance(report, dict) and report.get("schema") == SWEEP_SCHEMA
+    (check_sweep if is_sweep else validate_report)(report)
 
 
 def run_report(options: ReportOptions) -> Path:
@@ -25,7 +37,7 @@ def run_report(options: ReportOptions) -> Path:
             raise UseError(
                 f"cannot write the page to '{path}' ({problem.strerror}); choose another --out."
             ) from problem
-    size = write_page(folders, path)
+    size = write_page(folders, path, ALL_SECTIONS, check_report)
     if not options.quiet:
         print(f"page: {path} ({megabytes(size)})")
     return path

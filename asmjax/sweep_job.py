@@ -14,6 +14,7 @@ from asmjax.errors import UseError
 from asmjax.experiment.code import code_facts
 from asmjax.options.sweep import SweepOptions
 from asmjax.preparation import check_writable
+from asmjax.report.outputs import PAGE
 from asmjax.sweep.config import Sweep, sweep_of
 from asmjax.sweep.driver import SweepProgress, SweepResult, SweepStatus, run_sweep
 from asmjax.sweep.ended import End
@@ -73,19 +74,25 @@ def run_sweep_job(options: SweepOptions) -> SweepSummary | None:
     _warn_of_other_code(sweep, rows)
     if options.count:
         return None
-    start = time.monotonic()
-    with Store.open(folder) as store:
-        result = _run(sweep, store, options)
     summary = SweepSummary(
         file=options.config,
         sweep=sweep,
-        result=result,
+        result=_begun(sweep, rows, options),
         workers=0 if _scheduler(options) else _workers(options),
         scheduler=_scheduler(options),
         estimate=expected,
-        seconds=time.monotonic() - start,
+        seconds=0.0,
     )
-    write_summary(summary, folder, ["asmjax", *sys.argv[1:]])
+    command = ["asmjax", *sys.argv[1:]]
+    start = time.monotonic()
+    with Store.open(folder) as store:
+        # Of an earlier run: it would not belong to these numbers.
+        (folder / PAGE).unlink(missing_ok=True)
+        # One that is killed leaves a report too.
+        write_summary(summary, folder, command)
+        result = _run(sweep, store, options)
+        summary = replace(summary, result=result, seconds=time.monotonic() - start)
+        write_summary(summary, folder, command)
     if not options.quiet:
         print(summary.text(folder))
     _raise_if_left(result, folder)
@@ -118,9 +125,26 @@ def _scheduler(options: SweepOptions) -> str | None:
     return options.scheduler or options.scheduler_file
 
 
+def _settled(rows: list[Row], options: SweepOptions) -> dict[str, Row]:
+    """Trials that are not run again, by key."""
+    return {row.key: row for row in rows if row.status == End.DONE or not options.retry}
+
+
+def _begun(sweep: Sweep, rows: list[Row], options: SweepOptions) -> SweepResult:
+    """What there is before the first trial."""
+    settled, wanted = _settled(rows, options), [trial.key for trial in sweep.trials]
+    known = {key: settled[key] for key in wanted if key in settled}
+    return SweepResult(
+        SweepStatus.RUNNING,
+        skipped=tuple(known),
+        failed={key: row.error for key, row in known.items() if row.status != End.DONE},
+        left=tuple(key for key in wanted if key not in settled),
+    )
+
+
 def _expected(sweep: Sweep, rows: list[Row], options: SweepOptions) -> Estimate:
     """The time of the trials that are to be run."""
-    settled = {row.key for row in rows if row.status == End.DONE or not options.retry}
+    settled = _settled(rows, options)
     waiting = [trial for trial in sweep.trials if trial.key not in settled]
     found = estimate(waiting, 1 if _scheduler(options) else _workers(options))
     return replace(found, trials=len(waiting))

@@ -19,10 +19,10 @@ from asmjax.experiment.comparison import (
     pooled,
     telling_errors,
 )
-from asmjax.experiment.fronts import cost_of_error, front
 from asmjax.experiment.methods import settings_of
 from asmjax.experiment.settings_range import BETWEEN, LAST, VARIANTS, candidates, families_of
 from asmjax.experiment.trial import Trial
+from asmjax.fronts import cost_of_error, front
 from asmjax.shadow import ALGORITHMS, MAPS, AdaptiveShadowMap, SubdividedShadowMap
 
 # Few different values, so that costs and errors are often equal.

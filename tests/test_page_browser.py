@@ -11,10 +11,12 @@ import pytest
 from helpers.browser import Browser, browser_path
 from helpers.figures import run_pictures
 from helpers.page_folders import report_of, write_report
+from helpers.sweep_folders import hostile_folder
 
 from asmjax.report.figures.seen import write_seen
 from asmjax.report.page import write_page
 from asmjax.report.schema import RUN_SCHEMA, SCHEMAS
+from asmjax.report_job import ALL_SECTIONS, check_report
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +39,8 @@ def address(tmp_path_factory) -> str:
             report["methods"] = list(run_pictures().methods)
         folders.append(write_report(here / str(k), report))
     write_seen(run_pictures(), folders[0])
-    write_page(folders, here / "report.html")
+    folders.append(hostile_folder(here / "sweep"))
+    write_page(folders, here / "report.html", ALL_SECTIONS, check_report)
     return (here / "report.html").as_uri()
 
 
@@ -62,7 +65,7 @@ def centre(page: Browser, selector: str) -> tuple[float, float]:
 
 def test_nothing_is_fetched_and_nothing_complains(page, address):
     assert page.requests == [address] and page.complaints == []
-    assert page.evaluate("document.querySelectorAll('section').length") == 1 + len(SCHEMAS)
+    assert page.evaluate("document.querySelectorAll('section').length") == 2 + len(SCHEMAS)
     assert page.evaluate("[...document.images].every(i => i.complete && i.naturalWidth > 0)")
     assert not page.evaluate("document.documentElement.scrollWidth > window.innerWidth")
 
@@ -104,6 +107,19 @@ def test_pointing_at_a_setting_names_it(page):
         page.press(key)
         named.append(page.evaluate(f"{tip}.textContent").split("\n")[0])
     assert named == ["uniform-16", "adaptive-1MB", "uniform-16"]
+
+
+def test_pointing_at_a_row_of_an_axis_tells_its_median(page):
+    """Of the sweep, whose section is the last one: small charts name their points too."""
+    strips = "[...document.querySelectorAll('section:last-of-type .chart')].at(-1)"
+    script = (
+        f"(() => {{ const e = {strips}.querySelector('.point path');"
+        "e.scrollIntoView({block: 'center', behavior: 'instant'});"
+        "const b = e.getBoundingClientRect(); return [b.x + b.width / 2, b.y + b.height / 2]; })()"
+    )
+    page.point_at(*page.evaluate(script))
+    said = page.evaluate(f"{strips}.querySelector('.tip').textContent").split("\n")
+    assert "wrong pixels per pixel of shadow edge" in said and "median 0" in said
 
 
 def test_the_legend_hides_a_group(page):
@@ -155,7 +171,8 @@ def test_it_prints_everything(page, tmp_path):
     }
     page("Emulation.setEmulatedMedia", media="")
     assert set(sizes[".stage"] + sizes[".controls"] + sizes[".tablist"]) == {0}
-    assert min(sizes[".chart"]) > 100 and min(sizes[".layers img"]) > 10
+    # Rows of a sweep's axis are as low as there are few.
+    assert min(sizes[".chart"]) > 60 and min(sizes[".layers img"]) > 10
     page.print_to(tmp_path / "page.pdf")
     pages = re.findall(rb"/Type\s*/Page\b", (tmp_path / "page.pdf").read_bytes())
     assert 4 <= len(pages) <= 40

@@ -21,11 +21,12 @@ from asmjax.scene.builtin import list_scenes, scene_item
 from asmjax.shadow import AdaptiveShadowMap, FilteredShadowMap, PerspectiveShadowMap
 from asmjax.sweep import fields
 from asmjax.sweep.config import MOST_TRIALS, Sweep, sweep_of
-from asmjax.sweep.estimate import estimate, in_words
+from asmjax.sweep.estimate import estimate
 from asmjax.sweep.fields import FIELDS
 from asmjax.sweep.identity import canonical, file_content, key_of
 from asmjax.sweep.resolve import algorithm_in, settings_table
 from asmjax.sweep.trial import algorithm_for
+from asmjax.sweep.words import in_words
 
 ROOT = Path(__file__).parents[1]
 EXPERIMENTS = sorted((ROOT / "experiments").glob("*.toml"))

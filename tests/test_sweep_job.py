@@ -11,8 +11,9 @@ from asmjax.errors import UseError
 from asmjax.options import SweepOptions
 from asmjax.report.keys import key_paths
 from asmjax.sweep.driver import SweepResult, SweepStatus
+from asmjax.sweep.schema import SWEEP_KEYS
 from asmjax.sweep.store import stored_rows
-from asmjax.sweep.summary import SWEEP_KEYS, causes
+from asmjax.sweep.summary import causes
 from asmjax.sweep.trial import Outcome
 from asmjax.sweep_job import run_sweep_job
 

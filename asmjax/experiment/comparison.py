@@ -8,8 +8,8 @@ import numpy as np
 
 from asmjax.errors import require
 from asmjax.experiment.clock import Median
-from asmjax.experiment.fronts import Reach, cost_of_error, front
 from asmjax.experiment.trial import Trial
+from asmjax.fronts import Reach, cost_of_error, front
 from asmjax.shadow import ShadowAlgorithm, Status
 
 COSTS = ("seconds", "bytes")

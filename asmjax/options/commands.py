@@ -200,8 +200,8 @@ class ReportOptions(PageOptions):
     def __post_init__(self):
         require(
             bool(self.folders),
-            "no folder is named; name one or more that asmjax run, analyze, compare, tune or plan "
-            "wrote.",
+            "no folder is named; name one or more that asmjax run, analyze, compare, tune, plan or "
+            "sweep wrote.",
         )
 
 

@@ -316,7 +316,8 @@ class PageOptions:
         Positional,
         arg(metavar="DIR [DIR ...]", help_behavior_hint="(one or more)"),
     ] = ()
-    """Folders that asmjax run, analyze, compare, tune or plan wrote, in the order of the page."""
+    """Folders that asmjax run, analyze, compare, tune, plan or sweep wrote, in the order of the
+    page."""
 
     out: Annotated[str | None, _named("FILE", "report.html in the first folder")] = None
     """The page, one HTML file that needs no other."""

@@ -19,8 +19,10 @@ from asmjax.sweep.watched import Limits
 
 
 class SweepStatus(enum.Enum):
-    """How a sweep ended. Unless it is complete trials are left, and the same command goes on."""
+    """How a sweep ended, or that it did not yet. Unless it is complete trials are left, and the
+    same command goes on."""
 
+    RUNNING = "running"
     COMPLETE = "complete"
     INTERRUPTED = "interrupted"
     LOST = "lost the scheduler"

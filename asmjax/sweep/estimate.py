@@ -10,6 +10,7 @@ from typing import Any
 
 from asmjax.scene.builtin import is_builtin, scene_item
 from asmjax.sweep.config import Trial
+from asmjax.sweep.words import in_words
 
 START = 6.0
 """Seconds until a worker has imported everything and its renderer stands."""
@@ -72,15 +73,6 @@ def estimate(trials: Sequence[Trial], workers: int) -> Estimate:
     once += sum(_compiling(config) for config in _first(trials, _program_of))
     each = sum(_running(trial.config) for trial in trials)
     return Estimate(len(trials), START * (workers > 0) + once + each / beside)
-
-
-def in_words(seconds: float) -> str:
-    """A time to the digits that an estimate has: "40 s", "25 min", "3.5 h"."""
-    if seconds < 90:
-        return f"{max(1, seconds):.0f} s"
-    if seconds < 5400:
-        return f"{seconds / 60:.0f} min"
-    return f"{seconds / 3600:.1f} h"
 
 
 def _first(trials: Sequence[Trial], what) -> list[dict[str, Any]]:

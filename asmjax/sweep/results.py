@@ -61,7 +61,7 @@ class Results:
     @property
     def settings(self) -> tuple[str, ...]:
         """Columns that say what a trial was asked for."""
-        return tuple(dict.fromkeys(name for row in self.stored for name, _ in _flat(row.config)))
+        return tuple(dict.fromkeys(name for row in self.stored for name, _ in flat(row.config)))
 
     @property
     def varied(self) -> tuple[str, ...]:
@@ -211,21 +211,21 @@ def _named(row: Row, settings: set[str]) -> dict[str, Any]:
     """A row as flat columns."""
     started = datetime.fromtimestamp(row.started, UTC).isoformat(timespec="milliseconds")
     first = (row.key, row.status, row.attempts, row.error, started, row.seconds)
-    named = dict(zip(FIRST, first, strict=True)) | dict(_flat(row.config))
-    for name, value in _flat(row.record):
+    named = dict(zip(FIRST, first, strict=True)) | dict(flat(row.config))
+    for name, value in flat(row.record):
         named[f"result.{name}" if name in settings else name] = value
     for prefix, table in (("versions", row.versions), ("machine", row.machine)):
-        for name, value in _flat(table):
+        for name, value in flat(table):
             # What a trial says itself of where it ran counts.
             named.setdefault(f"{prefix}.{name}", value)
     return named
 
 
-def _flat(table: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+def flat(table: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
     """Names with dots, and values: numbers, text, truth, None; lists as JSON."""
     for name, value in table.items():
         if isinstance(value, Mapping):
-            yield from _flat(value, f"{prefix}{name}.")
+            yield from flat(value, f"{prefix}{name}.")
         else:
             yield f"{prefix}{name}", json.dumps(value) if isinstance(value, list) else value
 

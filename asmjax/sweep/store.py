@@ -40,6 +40,12 @@ COLUMNS = (
     "machine", "started", "seconds",
 )  # fmt: skip
 
+_KINDS = {"attempts": int, "started": float, "seconds": float}
+"""Of columns that hold no text."""
+
+LATEST = 2.0**37
+"""Seconds since 1970 of no trial's start; dates have a year of four digits until then."""
+
 _TABLE = """
 CREATE TABLE IF NOT EXISTS trials (
     key      TEXT PRIMARY KEY,
@@ -188,7 +194,10 @@ def stored_rows(folder: str | Path) -> list[Row]:
         with contextlib.closing(_reader(path)) as base:
             _check_version(base, path)
             return [_row(Path(folder), found) for found in base.execute(wanted)]
-    except sqlite3.Error as problem:
+    except (sqlite3.Error, ValueError, RecursionError) as problem:
+        # A `UseError` says what to do already.
+        if isinstance(problem, UseError):
+            raise
         raise UseError(f"cannot read '{path}' ({problem}); restore it, or sweep anew.") from problem
 
 
@@ -245,8 +254,16 @@ def _reader(path: Path) -> sqlite3.Connection:
 
 def _row(folder: Path, found: tuple) -> Row:
     values = dict(zip(COLUMNS, found, strict=True))
+    for name in COLUMNS:
+        kind = _KINDS.get(name, str)
+        if not isinstance(values[name], kind):
+            raise ValueError(f"{name} of trial {str(values['key'])[:40]} is no {kind.__name__}")
     for name in ("config", "record", "versions", "machine"):
         values[name] = json.loads(values[name])
+        if not isinstance(values[name], dict):
+            raise ValueError(f"{name} of trial {values['key'][:40]} is no table")
+    if not 0 <= values["started"] < LATEST:
+        raise ValueError(f"trial {values['key'][:40]} started at no time")
     values["arrays"] = folder / ARRAYS / values["arrays"] if values["arrays"] else None
     return Row(**values)
 

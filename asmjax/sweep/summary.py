@@ -7,44 +7,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from asmjax.report.keys import Key, check_keys
 from asmjax.report.provenance import provenance
 from asmjax.report.record import write_json
 from asmjax.sweep.config import Sweep
 from asmjax.sweep.driver import SweepResult
-from asmjax.sweep.estimate import Estimate, in_words
-
-SWEEP_SCHEMA = "asmjax/sweep/1"
+from asmjax.sweep.estimate import Estimate
+from asmjax.sweep.schema import SWEEP_SCHEMA, check_sweep
+from asmjax.sweep.words import in_words
 
 MOST_CAUSES = 5
 """That are printed; all are in the report."""
-
-SWEEP_KEYS = {
-    "schema": Key("text", f'"{SWEEP_SCHEMA}"'),
-    "command": Key("text", "the command line, quoted for a shell"),
-    "versions": Key("text object", "package name to version, of the command's process"),
-    "machine": Key(
-        {
-            "cpu": Key("text", "processor model"),
-            "cores": Key("count", "cores that the process may use"),
-            "memory_bytes": Key("count", "main memory, bytes; 0 where it cannot be told"),
-        },
-        "of the command's process; those of the trials are in their rows",
-    ),
-    "file": Key("text", "the sweep file"),
-    "name": Key("text", "of the sweep"),
-    "status": Key("text", "complete, interrupted, or lost the scheduler"),
-    "trials": Key("count", "of the sweep"),
-    "merged": Key("count", "combinations that came to the same trial as another one"),
-    "skipped": Key("count", "trials that were finished before, well or not"),
-    "done": Key("count", "trials that this run finished well"),
-    "failed": Key("text object", "key to cause, of this run and of those before"),
-    "left": Key("count", "trials that are still to be run"),
-    "workers": Key("count", "processes on this machine; 0 for this one, or a scheduler's"),
-    "scheduler": Key("text", "the scheduler's address or file; null without", nullable=True),
-    "estimated_seconds": Key("amount", "wall time as it was estimated, seconds"),
-    "seconds": Key("amount", "wall time, seconds"),
-}
 
 
 @dataclass(frozen=True)
@@ -79,8 +51,9 @@ class SweepSummary:
             "name": self.sweep.name,
             "status": result.status.value,
             "trials": len(self.sweep.trials),
+            "keys": [trial.key for trial in self.sweep.trials],
             "merged": self.sweep.merged,
-            "skipped": len(result.skipped),
+            "skipped": list(result.skipped),
             "done": len(result.done),
             "failed": result.failed,
             "left": len(result.left),
@@ -89,7 +62,7 @@ class SweepSummary:
             "estimated_seconds": self.estimate.seconds,
             "seconds": self.seconds,
         }
-        check_keys(report, SWEEP_KEYS)
+        check_sweep(report)
         return report
 
     def text(self, folder: Path) -> str:

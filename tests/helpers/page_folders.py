@@ -137,3 +137,15 @@ class PageReader(HTMLParser):
     def of_class(self, name: str) -> list[dict[str, str | None]]:
         """The attributes of all elements of that class."""
         return [a for _, a in self.elements if name in (a.get("class") or "").split()]
+
+
+def check_escaped(page: str) -> None:
+    """Of a page whose texts are `HOSTILE` none became anything but text, and none was lost."""
+    read = PageReader(page)
+    assert read.unbalanced == []
+    assert len(read.all("script")) == 1 and read.all("script")[0] == {}
+    assert [a for a in read.all("img") if not (a["src"] or "").startswith("data:")] == []
+    assert all(not name.startswith("on") for _, found in read.elements for name in found)
+    assert "\u202e" not in page and "\0" not in page and r"\u202e" in page
+    assert any(HOSTILE.split("\n")[0][:8] in text for text in read.texts["td"])
+    assert read.texts["title"] != [] and len(read.all("h1")) == 1

@@ -4,10 +4,17 @@ Own SVG rather than a charting library: the smallest that works offline and can 
 0.9 to 4.8 MB to each page and 34 to 98 MB of dependencies, for axes that these 300 lines draw.
 """
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from asmjax.report.page.drawing import (
+    LogAxis,
+    chart_figure,
+    lying_grid,
+    named_point,
+    upright_grid,
+    zero_line,
+)
 from asmjax.report.page.markers import outline
 from asmjax.report.page.markup import Markup, joined, tag
 
@@ -20,9 +27,6 @@ _NAMED = 6
 
 _NAME_ROOM = 200
 """Pixels that a name may need to the right of its point."""
-
-_DECADES = 3.2
-"""Beyond so many decades only powers of ten are labelled."""
 
 
 @dataclass(frozen=True)
@@ -76,24 +80,6 @@ class Chart:
     note: str = ""
 
 
-class _Axis:
-    """A logarithmic axis of `low` to `high` over the pixels `start` to `end`."""
-
-    def __init__(self, low: float, high: float, start: float, end: float):
-        self.low, self.high, self._start, self._end = low, high, start, end
-
-    def at(self, value: float) -> float:
-        part = math.log(max(value, self.low) / self.low) / math.log(self.high / self.low)
-        return self._start + part * (self._end - self._start)
-
-    def ticks(self) -> list[float]:
-        wide = math.log10(self.high / self.low) > _DECADES
-        powers = range(math.floor(math.log10(self.low)), math.ceil(math.log10(self.high)) + 1)
-        steps = (1,) if wide else (1, 2, 5)
-        values = [k * 10.0**power for power in powers for k in steps]
-        return [value for value in values if self.low <= value <= self.high]
-
-
 def charts(drawn: Sequence[Chart]) -> Markup:
     """Charts side by side behind tabs; without script and on paper one below the other."""
     shown = [replace(chart, points=[p for p in chart.points if p.x > 0]) for chart in drawn]
@@ -106,54 +92,27 @@ def _whole(chart: Chart) -> Markup:
     heights = [max(error, floor) for error in errors]
     spans = [end for point in chart.points for end in (point.low, point.high, point.x) if end > 0]
     spans += [mark.x for mark in chart.marks if mark.x > 0]
-    across = _Axis(min(spans) / 1.5, 1.5 * max(spans), _LEFT, _WIDTH - _RIGHT)
-    up = _Axis(min(heights) / 1.6, 1.8 * max(heights), _HEIGHT - _BOTTOM, _TOP)
-    frame = joined([_grid(across, up, floor, 0 in errors), _titles(chart)])
-    front = _front(chart, across, up, floor)
-    groups = [_group(name, look, chart, across, up, floor) for name, look in chart.looks.items()]
-    svg = tag(
-        "svg",
-        frame,
-        front,
-        *(_mark(mark, across) for mark in chart.marks if mark.x > 0),
-        *groups,
-        _labels(chart, across, up, floor),
-        viewBox=f"0 0 {_WIDTH} {_HEIGHT}",
-        role="img",
-        tabindex="0",
-        aria_label=f"{chart.title}: {chart.y_axis} against {chart.x_axis}, "
-        f"{len(chart.points)} points; the arrow keys go from one to the next",
-    )
-    return tag(
-        "figure",
-        tag("div", svg, tag("p", class_="tip", hidden=True, aria_live="polite"), class_="plot"),
-        _legend(chart),
-        tag("figcaption", chart.note),
-        class_="chart",
-        data_tab=chart.title,
-    )
-
-
-def zero_line(errors: Sequence[float]) -> float:
-    """The error at which 0 is drawn, which a logarithm does not have: a third of the smallest."""
-    return min((error for error in errors if error > 0), default=3e-3) / 3
-
-
-def _grid(across: _Axis, up: _Axis, floor: float, zeros: bool) -> Markup:
     right, bottom = _WIDTH - _RIGHT, _HEIGHT - _BOTTOM
-    parts = []
-    for value in across.ticks():
-        x = f"{across.at(value):.1f}"
-        parts.append(tag("line", x1=x, x2=x, y1=_TOP, y2=bottom, class_="grid"))
-        parts.append(tag("text", _tick(value), x=x, y=bottom + 20, text_anchor="middle"))
-    # No tick between the line of zeros and the smallest error.
-    heights = [(value, _tick(value)) for value in up.ticks() if value > 2 * floor or not zeros]
-    for value, words in [*([(floor, "0")] if zeros else []), *heights]:
-        y = up.at(value)
-        parts.append(tag("line", x1=_LEFT, x2=right, y1=f"{y:.1f}", y2=f"{y:.1f}", class_="grid"))
-        parts.append(tag("text", words, x=_LEFT - 8, y=f"{y + 4:.1f}", text_anchor="end"))
-    parts.append(tag("path", d=f"M{_LEFT} {_TOP}V{bottom}H{right}", class_="axis"))
-    return joined(parts)
+    across = LogAxis(min(spans) / 1.5, 1.5 * max(spans), _LEFT, right)
+    zero = floor if 0 in errors else None
+    up = LogAxis(min(heights) / 1.6, 1.8 * max(heights), bottom, _TOP, zero)
+    return chart_figure(
+        [
+            upright_grid(across, _TOP, bottom),
+            lying_grid(up, _LEFT, right),
+            tag("path", d=f"M{_LEFT} {_TOP}V{bottom}H{right}", class_="axis"),
+            _titles(chart),
+            _front(chart, across, up),
+            *(_mark(mark, across) for mark in chart.marks if mark.x > 0),
+            *(_group(name, look, chart, across, up) for name, look in chart.looks.items()),
+            _labels(chart, across, up),
+        ],
+        (_WIDTH, _HEIGHT),
+        title=chart.title,
+        says=f"{chart.title}: {chart.y_axis} against {chart.x_axis}, {len(chart.points)} points",
+        note=chart.note,
+        legend=_legend(chart),
+    )
 
 
 def _titles(chart: Chart) -> Markup:
@@ -179,12 +138,7 @@ def _titles(chart: Chart) -> Markup:
     )
 
 
-def _tick(value: float) -> str:
-    """0.002, 0.5, 20, 1,000: without an exponent."""
-    return f"{value:,.9f}".rstrip("0").rstrip(".")
-
-
-def _front(chart: Chart, across: _Axis, up: _Axis, floor: float) -> Markup | None:
+def _front(chart: Chart, across: LogAxis, up: LogAxis) -> Markup | None:
     """The staircase below and left of which nothing was measured."""
     front = sorted(
         (point for point in chart.points if point.number is not None),
@@ -194,11 +148,11 @@ def _front(chart: Chart, across: _Axis, up: _Axis, floor: float) -> Markup | Non
         return None
     steps = [f"M{across.at(front[0].x):.1f} {_TOP}"]
     for point in front:
-        steps.append(f"H{across.at(point.x):.1f}V{up.at(max(point.y, floor)):.1f}")
+        steps.append(f"H{across.at(point.x):.1f}V{up.at(point.y):.1f}")
     return tag("path", d="".join([*steps, f"H{_WIDTH - _RIGHT}"]), class_="front")
 
 
-def _mark(mark: Mark, across: _Axis) -> Markup:
+def _mark(mark: Mark, across: LogAxis) -> Markup:
     x = across.at(mark.x)
     line = tag("line", x1=f"{x:.1f}", x2=f"{x:.1f}", y1=_TOP, y2=_HEIGHT - _BOTTOM)
     words = tag(
@@ -211,39 +165,31 @@ def _mark(mark: Mark, across: _Axis) -> Markup:
 
 
 def _group(
-    name: str, look: tuple[str, str], chart: Chart, across: _Axis, up: _Axis, floor: float
-) -> Markup | None:
+    name: str, look: tuple[str, str], chart: Chart, across: LogAxis, up: LogAxis
+) -> Markup | None:  # fmt: skip
     colour, marker = look
     own = [point for point in chart.points if point.group == name]
     if not own:
         return None
-    drawn = [_point(point, marker, across, up, floor) for point in own]
+    drawn = [_point(point, marker, across, up) for point in own]
     return tag("g", *drawn, fill=colour, stroke=colour, data_group=name)
 
 
-def _point(point: Point, marker: str, across: _Axis, up: _Axis, floor: float) -> Markup:
-    x, y = across.at(point.x), up.at(max(point.y, floor))
+def _point(point: Point, marker: str, across: LogAxis, up: LogAxis) -> Markup:
+    x, y = across.at(point.x), up.at(point.y)
     bar = None
     if point.high > point.low:
         ends = [f"{across.at(end) - x:.1f}" for end in (point.low, point.high)]
         bar = tag("line", x1=ends[0], x2=ends[1], class_="bar")
-    return tag(
-        "g",
-        tag("title", "\n".join([point.name, *point.facts])),
-        bar,
-        tag("path", d=outline(marker), class_="hollow" if point.y == 0 else None),
-        transform=f"translate({x:.1f} {y:.1f})",
-        class_="point",
-        data_x=f"{x:.1f}",
-        data_y=f"{y:.1f}",
-    )
+    marked = tag("path", d=outline(marker), class_="hollow" if point.y == 0 else None)
+    return named_point([point.name, *point.facts], x, y, bar, marked)
 
 
-def _labels(chart: Chart, across: _Axis, up: _Axis, floor: float) -> Markup:
+def _labels(chart: Chart, across: LogAxis, up: LogAxis) -> Markup:
     """In front of all points: names where there are few, else the numbers of the front."""
     labels = []
     for point in chart.points:
-        x, y = across.at(point.x), up.at(max(point.y, floor))
+        x, y = across.at(point.x), up.at(point.y)
         if len(chart.points) <= _NAMED:
             left = x > _WIDTH - _RIGHT - _NAME_ROOM
             place = {"x": f"{x - 11 if left else x + 11:.1f}", "y": f"{y + 4.5:.1f}"}

@@ -10,10 +10,8 @@ from asmjax.report.page.markup import Markup, joined, tag
 from asmjax.report.page.part import Part
 from asmjax.report.page.provenance import provenance_block
 from asmjax.report.page.tables import table
-from asmjax.report.page.words import listed, megabytes, milliseconds, plural
+from asmjax.report.page.words import EDGE, listed, megabytes, milliseconds, plural
 from asmjax.report.table import MB, Column, significant
-
-_EDGE = "wrong pixels per pixel of shadow edge"
 
 _COSTS = {"seconds": "time", "bytes": "memory"}
 
@@ -53,7 +51,7 @@ def _summary(report: Mapping, counts: Sequence[int]) -> tuple[str, ...]:
         best = _most_accurate(report, samples)
         said.append(
             f"{_per_pixel(samples)}, {best['family']} ({best['label']}) errs least: its shadow "
-            f"edges lie {significant(_error(best))} px off, in "
+            f"edges lie {significant(edge_error(best))} px off, in "
             f"{milliseconds(_cost(best, 'seconds'))}."
         )
         cheapest = _cheapest(report, samples)
@@ -68,7 +66,7 @@ def _summary(report: Mapping, counts: Sequence[int]) -> tuple[str, ...]:
 def _most_accurate(report: Mapping, samples: int) -> Mapping:
     """Of equal errors the fastest."""
     own = [trial for trial in report["trials"] if trial["samples"] == samples]
-    return min(own, key=lambda trial: (_error(trial), _cost(trial, "seconds")))
+    return min(own, key=lambda trial: (edge_error(trial), _cost(trial, "seconds")))
 
 
 def _per_pixel(samples: int) -> str:
@@ -112,7 +110,7 @@ def _chart(report: Mapping, samples: int, kind: str) -> Chart:
     return Chart(
         title=f"{_COSTS[kind]}, {plural(samples, 'sample')} a pixel",
         x_axis="time from nothing, milliseconds" if kind == "seconds" else "memory, MB",
-        y_axis=_EDGE,
+        y_axis=EDGE,
         points=points,
         looks={family: FAMILY_LOOKS.get(family, ("#000000", "h")) for family in families},
         marks=marks,
@@ -136,7 +134,7 @@ def _cost(trial: Mapping, kind: str) -> float:
     return trial["ranked_seconds"]["median"] if kind == "seconds" else trial["bytes"]
 
 
-def _error(trial: Mapping) -> float:
+def edge_error(trial: Mapping) -> float:
     """Wrong pixels per pixel of edge; where a view has no edge, which jobs refuse, the mean."""
     moved = trial["error"]["boundary_displacement_px"]
     return moved.get("per_edge_length", moved["mean"])
@@ -152,11 +150,11 @@ def _point(trial: Mapping, kind: str, front: Sequence[tuple[str, str]]) -> Point
         group=trial["family"],
         name=f"{trial['family']}, {trial['label']}",
         x=scale * _cost(trial, kind),
-        y=_error(trial),
+        y=edge_error(trial),
         low=scale * ends[0],
         high=scale * ends[1],
         facts=(
-            f"{significant(_error(trial))} {_EDGE}",
+            f"{significant(edge_error(trial))} {EDGE}",
             f"{milliseconds(_cost(trial, 'seconds'))}, {significant(trial['ratio']['median'])} "
             "times the rays",
             megabytes(trial["bytes"]),
@@ -173,7 +171,7 @@ _FRONT_COLUMNS = (
     _of("", "no.", lambda row: row["number"], str),
     _of("", "method", lambda row: row["family"], str),
     _of("", "settings", lambda row: row["label"], str),
-    _of("edge off, px", "wrong/edge", _error),
+    _of("edge off, px", "wrong/edge", edge_error),
     _of("edge off, px", "predicted", lambda row: row["predicted_displacement_px"]),
     _of("wrong", "%", lambda row: 100 * row["error"]["misclassified_fraction"]),
     _of("milliseconds", "median", lambda row: 1e3 * row["ranked_seconds"]["median"]),

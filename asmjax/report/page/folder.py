@@ -53,7 +53,7 @@ def read_results(folder: Path, check: Check = validate_report) -> Results:
         UseError: no such folder, no report in it, or one that is damaged or of something else.
     """
     path = folder / REPORT
-    remedy = "name a folder that asmjax run, analyze, compare, tune or plan wrote"
+    remedy = "name a folder that asmjax run, analyze, compare, tune, plan or sweep wrote"
     require(folder.is_dir(), f"'{folder}' is no folder; {remedy}.")
     require(path.is_file(), f"'{folder}' has no {REPORT}; {remedy}.")
     try:

@@ -52,8 +52,10 @@ def page_of(results: Sequence[Results], sections: Sections = SECTIONS) -> Markup
         UseError: a picture of theirs is damaged.
     """
     parts = [sections[one.report["schema"]](one) for one in results]
-    scenes = ", ".join(dict.fromkeys(one.report["scene"] for one in results))
-    title = f"Shadow-map accuracy: {scenes}"
+    subjects = [
+        part.subject or one.report["scene"] for part, one in zip(parts, results, strict=True)
+    ]
+    title = f"Shadow-map accuracy: {', '.join(dict.fromkeys(subjects))}"
     style, script = _file("page.css"), _file("page.js")
     head = tag(
         "head",

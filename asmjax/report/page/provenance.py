@@ -1,5 +1,8 @@
 """Where the numbers of a section come from."""
 
+from collections.abc import Mapping, Sequence
+from typing import Any
+
 from asmjax.report.page.folder import REPORT, Results
 from asmjax.report.page.markup import Markup, joined, tag
 from asmjax.report.page.tables import bullets, pairs
@@ -11,18 +14,13 @@ def provenance_block(results: Results) -> Markup:
     report = results.report
     machine, memory = report["machine"], report.get("memory")
     size = f"{report['size'][0]} x {report['size'][1]} pixels"
-    held = machine["memory_bytes"]
     rows = [
         ("command", report["command"]),
         ("seen", f"{report['scene']}, {report['view']}, {size}"),
         ("light", report["light"]),
-        (
-            "machine",
-            f"{machine['cpu']}, {machine['cores']} cores"
-            + (f", {megabytes(held)} of memory" if held else ""),
-        ),
+        ("machine", machine_words(machine)),
         ("renderer, kernels", f"{machine['variant']}, JAX on {machine['device']}"),
-        ("versions", ", ".join(f"{name} {v}" for name, v in report["versions"].items())),
+        ("versions", versions_words(report["versions"])),
         ("seed", str(report["seed"])),
     ]
     if memory:
@@ -35,15 +33,38 @@ def provenance_block(results: Results) -> Markup:
     if model and model.get("measured_at"):
         kept = "by an earlier run" if model.get("kept") else "by this run"
         rows.append(("cost of texels", f"measured {kept}, {model['measured_at']}"))
-    rows.append(
-        ("file", f"{results.folder / REPORT}, {report['schema']}, SHA-256 {results.digest}")
-    )
-    notices = bullets(report["notices"])
+    rows.append(file_row(results))
+    return origin(rows, report["notices"])
+
+
+def origin(rows: Sequence[tuple[str, str]], notices: Sequence[str]) -> Markup:
+    """What was left out or approximated, and below it where the numbers come from."""
+    told = bullets(notices)
     return joined(
         [
-            tag("h3", "Left out or approximated") if notices else None,
-            notices,
+            tag("h3", "Left out or approximated") if told else None,
+            told,
             tag("h3", "Provenance"),
             pairs(rows, "Where these numbers come from"),
         ]
+    )
+
+
+def machine_words(machine: Mapping[str, Any]) -> str:
+    """Processor, cores and memory of a report's `machine`."""
+    held = machine["memory_bytes"]
+    known = f", {megabytes(held)} of memory" if held else ""
+    return f"{machine['cpu']}, {machine['cores']} cores{known}"
+
+
+def versions_words(versions: Mapping[str, str]) -> str:
+    """Of a report's `versions`."""
+    return ", ".join(f"{name} {version}" for name, version in versions.items())
+
+
+def file_row(results: Results) -> tuple[str, str]:
+    """Which file it was, and what was in it."""
+    return (
+        "file",
+        f"{results.folder / REPORT}, {results.report['schema']}, SHA-256 {results.digest}",
     )

@@ -7,8 +7,14 @@ from asmjax.report.page.markup import Markup, joined, tag
 from asmjax.report.table import Column
 
 
-def table(columns: Sequence[Column], rows: Sequence[Mapping], caption: str) -> Markup:
-    """A row for each item; the first column heads its row, columns of a group share a heading."""
+def table(
+    columns: Sequence[Column], rows: Sequence[Mapping], caption: str, wordy: int = 0
+) -> Markup:
+    """A row for each item; the first column heads its row, columns of a group share a heading.
+
+    Args:
+        wordy: so many columns at the end are sentences, which may go over several lines.
+    """
     groups = [(name, len(list(span))) for name, span in groupby(columns, lambda c: c.group)]
     above = [
         tag("th", name, colspan=count if count > 1 else None, scope="colgroup" if name else None)
@@ -16,18 +22,25 @@ def table(columns: Sequence[Column], rows: Sequence[Mapping], caption: str) -> M
         else tag("td", colspan=count if count > 1 else None)
         for name, count in groups
     ]
-    heads = [tag("th", column.head, scope="col") for column in columns]
-    body = [tag("tr", *_cells(columns, row)) for row in rows]
+    kinds = [None] * (len(columns) - wordy) + ["wordy"] * wordy
+    heads = [
+        tag("th", column.head, scope="col", class_=kind)
+        for column, kind in zip(columns, kinds, strict=True)
+    ]
+    body = [tag("tr", *_cells(columns, kinds, row)) for row in rows]
     grouped = tag("tr", *above, class_="groups") if any(name for name, _ in groups) else None
-    return _framed(caption, joined([tag("thead", grouped, tag("tr", *heads)), tag("tbody", *body)]))
+    content = joined([tag("thead", grouped, tag("tr", *heads)), tag("tbody", *body)])
+    return _framed(caption, content)
 
 
-def _cells(columns: Sequence[Column], row: Mapping) -> list[Markup]:
+def _cells(
+    columns: Sequence[Column], kinds: Sequence[str | None], row: Mapping
+) -> list[Markup]:  # fmt: skip
     cells = []
-    for i, column in enumerate(columns):
+    for i, (column, kind) in enumerate(zip(columns, kinds, strict=True)):
         value = column.value(row)
         text = "-" if value is None else column.text(value)
-        cells.append(tag("th", text, scope="row") if i == 0 else tag("td", text))
+        cells.append(tag("th", text, scope="row") if i == 0 else tag("td", text, class_=kind))
     return cells
 
 

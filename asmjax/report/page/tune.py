@@ -10,7 +10,7 @@ from asmjax.report.page.part import Part
 from asmjax.report.page.pictures import figures
 from asmjax.report.page.provenance import provenance_block
 from asmjax.report.page.tables import table
-from asmjax.report.page.words import listed, megabytes, milliseconds, plural
+from asmjax.report.page.words import EDGE, listed, megabytes, milliseconds, plural
 from asmjax.report.table import MB, Column, significant
 from asmjax.report.tune_words import OTHERS, RIVAL_WORDS, setting_words
 
@@ -32,8 +32,6 @@ _SENSITIVITY = {
         "Bars of slopes, and a curve for each setting over the price",
     ),
 }
-
-_EDGE = "wrong pixels per pixel of shadow edge"
 
 
 def tune_part(results: Results) -> Part:
@@ -116,7 +114,7 @@ def _chart(title: str, candidates: Sequence[Mapping], which: str) -> Chart:
     return Chart(
         title=title,
         x_axis=f"time from nothing, milliseconds; views {which}",
-        y_axis=_EDGE,
+        y_axis=EDGE,
         points=points,
         looks={look.words: (look.colour, look.marker) for look in ROLES.values()},
         marks=marks,
@@ -137,7 +135,7 @@ def _point(one: Mapping) -> Point:
         low=1e3 * seconds["low"],
         high=1e3 * seconds["high"],
         facts=(
-            f"{significant(one['edge_px'])} {_EDGE}",
+            f"{significant(one['edge_px'])} {EDGE}",
             f"{_time(one)}, {significant(one['ratio']['median'])} times a ray per pixel",
             megabytes(one["bytes"]),
             *settings,

@@ -4,6 +4,9 @@ from collections.abc import Mapping, Sequence
 
 from asmjax.report.table import MB, significant
 
+EDGE = "wrong pixels per pixel of shadow edge"
+"""The error that charts of accuracy against cost show."""
+
 
 def percent(part: float) -> str:
     """0.0072 as "0.722 %"; "none" stays to the sentence."""
