@@ -9,6 +9,10 @@ from jaxtyping import Float32, Int32
 
 from asmjax.geometry import Charts, LightFrame
 
+EXACT_IDS = 2**16
+"""Primitives whose ids stay apart in the 16 bits that maps keep of each
+(`asmjax.shadow.comparison.pack_prim`)."""
+
 
 @dataclass(frozen=True, eq=False)
 class TexelWindows:
@@ -84,7 +88,12 @@ class LightRays(abc.ABC):
     def closest(
         self, origins: np.ndarray, directions: np.ndarray, t_min: float = 0.0
     ) -> tuple[np.ndarray, np.ndarray]:
-        """First hits of world rays (3, n): t (n,), +inf for a miss, and primitive (n,)."""
+        """First hits of world rays (3, n): t (n,), +inf for a miss, and primitive (n,).
+
+        t is float64, as exact as the caster: what is computed in float32 keeps its rounding, some
+        1e-7 of the distance. Points that have to be exact are met again by way of the primitive
+        (`asmjax.geometry.reintersect`).
+        """
 
     @abc.abstractmethod
     def occluded(self, origins: np.ndarray, directions: np.ndarray, t_max: float) -> np.ndarray:

@@ -54,7 +54,9 @@ class MitsubaRays(LightRays):
     """Light rays against a Mitsuba scene, vectorised (`llvm_*`, `cuda_*`) or one at a time
     (`scalar_*`).
 
-    What the protocol names takes and gives world coordinates in float64. `prepare_occlusion` and
+    What the protocol names takes and gives world coordinates in float64. Mitsuba casts in float32,
+    near the origin of `working`: t has its rounding, 6e-8 of the distance and of that from the
+    working origin to the ray's, and float64 only holds it. `prepare_occlusion` and
     `first_surfaces` take rays in the coordinates of `working`, from those who have to know what
     rounding does to them.
 
