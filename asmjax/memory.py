@@ -15,6 +15,10 @@ from dataclasses import astuple, dataclass, fields
 from asmjax import machine
 from asmjax.errors import UseError, require
 
+class MemoryShort(UseError):
+    """A job would take more memory than it may."""
+
+
 SHARE = 0.8
 """Part of the memory that is free which may be taken where nobody says how much."""
 
@@ -121,7 +125,7 @@ def check(stages: Sequence[Stage], limit: Limit) -> Forecast:
     """What a job of these stages will take.
 
     Raises:
-        UseError: with what was held that is above the limit; with the numbers.
+        MemoryShort: with what was held that is above the limit; with the numbers.
     """
     require(len(stages) > 0, "a job without stages takes no memory; name one at least.")
     peak = peak_of(stages)
@@ -132,7 +136,7 @@ def check(stages: Sequence[Stage], limit: Limit) -> Forecast:
     named = [f"{_mb(_need(*pair))} MB of {pair[1]} memory for {pair[0].name}" for pair in largest]
     options = dict.fromkeys(option for stage, _ in largest for option in stage.options)
     smaller = f"lower {' or '.join(options)}, or raise" if options else "raise"
-    raise UseError(
+    raise MemoryShort(
         f"this would take about {_mb(peak.bytes)} MB ({'; '.join(named)}) besides the "
         f"{_mb(limit.held)} MB that the process holds; allowed are {_mb(limit.bytes)} MB in all "
         f"({limit.reason}): {smaller} --max-memory."

@@ -3,11 +3,12 @@
 import logging
 import sys
 import time
+from collections import Counter
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import dask.config
-from tqdm import tqdm
 
 from asmjax import machine
 from asmjax.errors import UseError
@@ -15,37 +16,18 @@ from asmjax.experiment.code import code_facts
 from asmjax.options.sweep import SweepOptions
 from asmjax.preparation import check_writable
 from asmjax.report.outputs import PAGE
+from asmjax.report.provenance import PACKAGES, provenance
 from asmjax.sweep.config import Sweep, sweep_of
-from asmjax.sweep.driver import SweepProgress, SweepResult, SweepStatus, run_sweep
+from asmjax.sweep.driver import SweepResult, SweepStatus, run_sweep
 from asmjax.sweep.ended import End
 from asmjax.sweep.estimate import Estimate, estimate
+from asmjax.sweep.share import share_of
 from asmjax.sweep.store import BASE, Row, Store, stored_rows
 from asmjax.sweep.summary import SweepSummary, write_summary
+from asmjax.sweep.telling import telling
 from asmjax.sweep.trial import run_trial
 
 _log = logging.getLogger("asmjax")
-
-
-class SweepBar:
-    """Progress on a bar: rate and time left, failures, and who works."""
-
-    def __init__(self, bar: tqdm):
-        self._bar, self._begun = bar, False
-
-    def __call__(self, now: SweepProgress) -> None:
-        if not self._begun:
-            # What was finished before took no time of this run: the rate is of the others.
-            self._begun = True
-            self._bar.reset(total=now.total - now.skipped)
-        self._bar.n = now.done + now.failed
-        busy = f"{now.workers} workers" if now.workers != 1 else "1 worker"
-        said = {"failed": now.failed, "known": now.skipped}
-        told = [busy if now.workers else "waiting for workers"]
-        told += [f"{count} {name}" for name, count in said.items() if count]
-        self._bar.set_postfix_str(", ".join(told), refresh=False)
-        self._bar.refresh()
-        if now.cause:
-            self._bar.write(f"trial {now.last} failed: {now.cause}", file=sys.stderr)
 
 
 def run_sweep_job(options: SweepOptions) -> SweepSummary | None:
@@ -55,7 +37,7 @@ def run_sweep_job(options: SweepOptions) -> SweepSummary | None:
 
     Raises:
         UseError: a wrong file or wrong options, before anything is written or run; or the
-            scheduler was lost on the way.
+            scheduler or all workers were lost on the way.
         KeyboardInterrupt: with a message that says where the finished trials are.
     """
     assert options.config is not None  # the options see to it
@@ -71,7 +53,7 @@ def run_sweep_job(options: SweepOptions) -> SweepSummary | None:
     expected = _expected(sweep, rows, options)
     if not options.quiet:
         print(_announced(sweep, rows, expected))
-    _warn_of_other_code(sweep, rows)
+    _warn_of_others(sweep, rows)
     if options.count:
         return None
     summary = SweepSummary(
@@ -102,16 +84,20 @@ def run_sweep_job(options: SweepOptions) -> SweepSummary | None:
 def _run(sweep: Sweep, store: Store, options: SweepOptions) -> SweepResult:
     # Dask tells every step of its workers; whatever matters of it is in the progress.
     silent = dask.config.set({"logging.distributed": "critical"})
-    with silent, tqdm(disable=options.quiet or None, leave=False, unit="trial") as bar:
+    share = share_of(0 if _scheduler(options) else _workers(options), options.max_memory_mb)
+    wait_s = 60 * options.wait_minutes
+    with silent, telling(options.quiet, wait_s) as progress:
         return run_sweep(
             sweep.trials,
             store,
-            run=run_trial,
+            run=run_trial if share is None else partial(run_trial, share=share),
             workers=_workers(options),
             scheduler=options.scheduler,
             scheduler_file=None if options.scheduler_file is None else Path(options.scheduler_file),
             deadline_s=sweep.deadline_s,
-            progress=SweepBar(bar),
+            progress=progress,
+            memory_bytes=None if share is None else share.bytes,
+            alone_s=wait_s,
             again=options.retry,
         )
 
@@ -163,17 +149,33 @@ def _announced(sweep: Sweep, rows: list[Row], expected: Estimate) -> str:
     return ", ".join(parts)
 
 
-def _warn_of_other_code(sweep: Sweep, rows: list[Row]) -> None:
-    wanted, code = {trial.key for trial in sweep.trials}, code_facts()["code"]
-    other = [
-        row for row in rows
-        if row.key in wanted and row.status == End.DONE and row.record.get("code") != code
-    ]  # fmt: skip
-    if other:
+def _warn_of_others(sweep: Sweep, rows: list[Row]) -> None:
+    """Say how many finished trials this process would measure differently."""
+    wanted = {trial.key for trial in sweep.trials}
+    done = [row for row in rows if row.key in wanted and row.status == End.DONE]
+    code, versions = code_facts()["code"], provenance("")["versions"]
+    _warn(sum(row.record.get("code") != code for row in done), "by other code than this")
+    libraries = [words for row in done if (words := _differences(row.versions, versions))]
+    for words, count in Counter(libraries).items():
+        _warn(count, f"with other libraries ({words})")
+
+
+def _differences(there: dict[str, str], here: dict[str, str]) -> str:
+    """Libraries of two versions; of asmjax itself its code is compared."""
+    return ", ".join(
+        f"{name} {there.get(name, 'unknown')} there and {here[name]} here"
+        for name in PACKAGES
+        if name != "asmjax" and there.get(name) != here[name]
+    )
+
+
+def _warn(count: int, measured: str) -> None:
+    if count:
         _log.warning(
-            "%d of the finished trials were measured by other code than this; choose another --out "
-            "to measure them again.",
-            len(other),
+            "%d of the finished trials were measured %s; choose another --out to measure them "
+            "again.",
+            count,
+            measured,
         )
 
 
@@ -181,5 +183,9 @@ def _raise_if_left(result: SweepResult, folder: Path) -> None:
     kept = f"what is finished is in {folder}/; the same command goes on from there"
     if result.status is SweepStatus.INTERRUPTED:
         raise KeyboardInterrupt(f"{len(result.left)} trials are left; {kept}")
-    if result.status is SweepStatus.LOST:
-        raise UseError(f"the scheduler was lost, {len(result.left)} trials are left; {kept}.")
+    causes = {
+        SweepStatus.LOST: "the scheduler was lost",
+        SweepStatus.ALONE: "no worker was there for as long as --wait-minutes says",
+    }
+    if result.status in causes:
+        raise UseError(f"{causes[result.status]}, {len(result.left)} trials are left; {kept}.")

@@ -16,6 +16,7 @@ MODULES = {"pillow": "PIL", "pyyaml": "yaml"}
 """Of packages that are not called as what they bring, "-" and "_" aside."""
 
 USED_BY_NAME = {
+    "cryptography": "distributed",
     "h5netcdf": "xarray",
     "h5py": "h5netcdf",
     "ipykernel": "nbclient",

@@ -1,25 +1,32 @@
 """Sweeps in workers of dask: a crash costs one trial, kills cost nothing, and nobody is left."""
 
 import json
+import queue
 import random
 import socket
+import ssl
 import subprocess
 import sys
 import time
 from collections import Counter
+from unittest.mock import Mock
 
 import pytest
+from distributed import Future, LocalCluster
 from helpers import sweep_runs
 from helpers.sweep_processes import MARK, seconds_until_gone, starts_after_kept
 from helpers.sweep_runs import driven, driver, environment, killing, statuses
-from helpers.sweep_trials import fake_trials, run, sleepers
+from helpers.sweep_trials import FakeTrial, fake_trials, run, sleepers
 from test_sweep_driver import LONG, keys, swept
 
 from asmjax.errors import UseError
-from asmjax.sweep import cluster
+from asmjax.sweep import cluster, watched
+from asmjax.sweep.cluster import Workers
 from asmjax.sweep.driver import SweepProgress, SweepStatus, run_sweep
+from asmjax.sweep.ended import End, Ended
 from asmjax.sweep.results import results
 from asmjax.sweep.store import Store
+from asmjax.sweep.watched import Limits
 
 
 def test_a_crash_is_one_trials_and_workers_have_a_cpu_each(tmp_path, monkeypatch):
@@ -35,6 +42,86 @@ def test_a_crash_is_one_trials_and_workers_have_a_cpu_each(tmp_path, monkeypatch
     assert all(len(row.record["cpus"]) == 1 for row in rows)
     assert max(now.workers for now in told) == 2 and told[-1].running == 0
     assert seconds_until_gone(str(tmp_path)) < 10
+
+
+def carried_out(pool: Workers, trials: list[FakeTrial]) -> dict[str, Ended]:
+    """How each of them ended."""
+    for trial in trials:
+        pool.start(trial)
+    found = {}
+    while pool.running:
+        if (one := pool.next()) is not None:
+            found[one[0].key] = one[1]
+    return found
+
+
+def test_workers_that_cannot_run_trials_are_sent_away(caplog):
+    """One of two cannot start processes: the other does all. Where it cannot either, though it
+    raises what a lost connection would, that is told, and nothing is tried for ever."""
+
+    def no_pipe() -> None:
+        watched.Pipe = full  # type: ignore[assignment]
+
+    def full():
+        raise OSError(24, "Too many open files")
+
+    trials = fake_trials(8)
+    with Workers(run, Limits(LONG), 2) as pool:
+        client = pool._client
+        assert refused_without_certificate(client.scheduler.address)
+        first, second = client.nthreads()
+        client.run(lambda: setattr(sys, "executable", "/bin/false"), workers=[first])
+        found = carried_out(pool, trials)
+        assert set(found) == set(keys(trials))
+        assert all(one.status == "done" and one.attempts == 1 for one in found.values())
+        assert [*client.nthreads()] == [second]
+        assert f"worker {first} cannot run trials, which others get now (CannotRun: " in caplog.text
+        client.run(no_pipe, workers=[second])
+        client.run(lambda: watched._all[0]._process.kill(), workers=[second])
+        with pytest.raises(
+            UseError, match="no worker is left .*OSError.*Too many open files.*same"
+        ):
+            carried_out(pool, trials[:1])
+
+
+def refused_without_certificate(address: str) -> bool:
+    """Whether a scheduler hangs up on somebody of this machine who has none."""
+    host, _, port = address.removeprefix("tls://").partition(":")
+    stranger = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+    stranger.check_hostname, stranger.verify_mode = False, ssl.CERT_NONE
+    with socket.create_connection((host, int(port))) as plain:
+        try:
+            with stranger.wrap_socket(plain) as connection:
+                return not connection.recv(1)
+        except (ssl.SSLError, ConnectionError):
+            return True
+
+
+@pytest.mark.parametrize(("losses", "status"), [(0, "done"), (4, "done"), (99, "crashed")])
+def test_an_answer_that_is_lost_again_and_again_is_not_waited_for_ever(losses, status):
+    (trial,) = fake_trials(1)
+    pool = Workers.__new__(Workers)
+    pool._ended, pool._rounds = queue.SimpleQueue(), Counter()
+    future = Mock(spec=Future, key="k", status="finished")
+    future.cancelled.return_value = False
+    future.result.side_effect = [TimeoutError] * losses + [Ended(End.DONE, trial=trial.key)]
+    future.add_done_callback.side_effect = lambda call: call(future)
+    pool._running = {"k": (trial, future)}
+    pool._ended.put(future)
+    found = [one for _ in range(10) if pool.running and (one := pool.next()) is not None]
+    assert [(one[0].key, one[1].status) for one in found] == [(trial.key, status)]
+
+
+@pytest.mark.slow
+def test_a_worker_with_threads_mixes_nothing_up(tmp_path):
+    """Somebody's worker with three of them: each result is of its own trial."""
+    trials = fake_trials(60, do="sleep", seconds=0.02)
+    with LocalCluster(n_workers=1, threads_per_worker=3, dashboard_address="127.0.0.1:0") as there:
+        found, told = swept(tmp_path, trials, scheduler=there.scheduler_address)
+    assert len(found.done) == 60 and max(now.workers for now in told) == 3
+    rows = results(tmp_path).stored
+    assert {row.record["square"] - row.config["number"] ** 2 for row in rows} == {0}
+    assert len({row.machine["process"] for row in rows}) == 3
 
 
 @pytest.mark.slow

@@ -1,6 +1,7 @@
 """`asmjax sweep`: counts and estimates first, runs what is not finished, reports what happened."""
 
 import json
+import sqlite3
 from pathlib import Path
 
 import pytest
@@ -10,9 +11,10 @@ from asmjax.cli.parse import parse
 from asmjax.errors import UseError
 from asmjax.options import SweepOptions
 from asmjax.report.keys import key_paths
+from asmjax.report.provenance import provenance
 from asmjax.sweep.driver import SweepResult, SweepStatus
 from asmjax.sweep.schema import SWEEP_KEYS
-from asmjax.sweep.store import stored_rows
+from asmjax.sweep.store import BASE, stored_rows
 from asmjax.sweep.summary import causes
 from asmjax.sweep.trial import Outcome
 from asmjax.sweep_job import run_sweep_job
@@ -80,6 +82,31 @@ def test_a_sweep_runs_and_goes_on(asked, trials, capsys, caplog, tmp_path):
     assert trials[3:] == [16]
 
 
+@pytest.mark.parametrize("journal", ["DELETE", "WAL"])
+def test_the_command_goes_on_after_one_that_ended_as_it_began(
+    asked, trials, tmp_path, capsys, journal
+):  # fmt: skip
+    """Killed, or out of disk, after it made the file and before that had its table."""
+    (tmp_path / "out").mkdir()
+    base = sqlite3.connect(tmp_path / "out" / BASE)
+    base.execute(f"PRAGMA journal_mode = {journal}")
+    base.close()
+    words = [asked().config, "--workers", "0", "--out", str(tmp_path / "out")]
+    assert cli.main(["sweep", *words]) == 0
+    assert len(trials) == 3 and "3 trials: 2 run in" in capsys.readouterr().out
+
+
+def test_trials_of_other_libraries_are_told(asked, trials, caplog, monkeypatch):
+    run_sweep_job(asked())
+    caplog.clear()
+    here = provenance("")["versions"]
+    other = {"versions": here | {"jax": "9.9", "python": "4.0"}, "machine": {}}
+    monkeypatch.setattr(sweep_job, "provenance", lambda variant: other)
+    run_sweep_job(asked(count=True))
+    told = f"2 of the finished trials were measured with other libraries (jax {here['jax']} there "
+    assert told + "and 9.9 here); choose another --out" in caplog.text
+
+
 def test_counting_runs_and_writes_nothing(asked, trials, capsys, tmp_path):
     assert run_sweep_job(asked(count=True)) is None
     assert "3 trials, 3 to run, about " in capsys.readouterr().out
@@ -96,6 +123,7 @@ def test_quiet_says_nothing(asked, trials, capsys):
     [
         (SweepStatus.INTERRUPTED, KeyboardInterrupt, "2 trials are left; .*goes on from there"),
         (SweepStatus.LOST, UseError, "the scheduler was lost, 2 trials are left; .*goes on"),
+        (SweepStatus.ALONE, UseError, "no worker was there .*--wait-minutes.* 2 trials are left"),
     ],
 )
 def test_what_is_left_is_told(status, raised, said, asked, monkeypatch, tmp_path):
@@ -120,11 +148,11 @@ def test_options():
     """Every one arrives; where trials run is said once; a file must be named."""
     words: str = (
         "sweep a.toml --smoke --count --trust-scene --workers 2 --variant scalar_rgb --out there "
-        "--retry --quiet"
+        "--retry --quiet --max-memory 900 --wait-minutes 3"
     )
     wanted = SweepOptions(
         config="a.toml", smoke=True, count=True, trust_scene=True, workers=2, variant="scalar_rgb",
-        out="there", retry=True, quiet=True,
+        out="there", retry=True, quiet=True, max_memory_mb=900.0, wait_minutes=3.0,
     )  # fmt: skip
     assert parse([*words.split()], cli.COMMANDS) == ("sweep", wanted)
     there = parse(["sweep", "a.toml", "--scheduler", "tls://a:1"], cli.COMMANDS)[1]
@@ -132,6 +160,8 @@ def test_options():
     for words, said in (
         ("sweep", "name a sweep file"),
         ("sweep a.toml --workers -1", "--workers is -1; allowed"),
+        ("sweep a.toml --max-memory 0", "--max-memory is 0.0; allowed"),
+        ("sweep a.toml --wait-minutes -1", "--wait-minutes is -1.0; allowed"),
         ("sweep a.toml --workers 1 --scheduler x:1", "--scheduler and --workers both say where"),
         ("sweep a.toml --scheduler x:1 --scheduler-file f", "both say where trials run"),
     ):

@@ -83,17 +83,28 @@ def test_only_keys_become_names_of_files(tmp_path):
         store.add("../../outside", {}, ended(1))
 
 
-@pytest.mark.parametrize("content", [b"no database " * 100, b""])
-def test_something_else_in_its_place_is_told(tmp_path, content):
-    (tmp_path / BASE).write_bytes(content)
-    if content:
-        with pytest.raises(StoreError, match=f"{BASE}.*not a database"):
-            Store.open(tmp_path)
-    with pytest.raises(UseError, match="cannot read .* not a database|is of version 0"):
+def test_something_else_in_its_place_is_told(tmp_path):
+    (tmp_path / BASE).write_bytes(b"no database " * 100)
+    with pytest.raises(StoreError, match=f"{BASE}.*not a database"):
+        Store.open(tmp_path)
+    with pytest.raises(UseError, match="cannot read .* not a database"):
         stored_rows(tmp_path)
     # And the lock is free again.
     (tmp_path / BASE).unlink()
     Store.open(tmp_path).close()
+
+
+@pytest.mark.parametrize("journal", [None, "WAL", "DELETE"])
+def test_a_process_that_ended_before_its_table_leaves_no_rows(tmp_path, journal):
+    """The file is there before its table and version are: an empty one, or one with a header."""
+    begun = sqlite3.connect(tmp_path / BASE)
+    begun.execute("PRAGMA user_version")
+    if journal:
+        begun.execute(f"PRAGMA journal_mode = {journal}")
+    begun.close()
+    assert (tmp_path / BASE).exists() and stored_rows(tmp_path) == []
+    filled(tmp_path, 2)
+    assert len(stored_rows(tmp_path)) == 2
 
 
 def test_another_version_is_told(tmp_path):

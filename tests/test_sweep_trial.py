@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 from hostile.building import BALL, scene_xml, text_scene
 
+from asmjax import machine
 from asmjax.errors import UseError
 from asmjax.experiment.light_angles import parallel_light
+from asmjax.memory import Limit, MemoryShort
 from asmjax.options import RunOptions
 from asmjax.preparation import bench_of
 from asmjax.report.keys import first_unstorable
@@ -16,6 +18,7 @@ from asmjax.shadow import AdaptiveShadowMap, CostModel, FilteredShadowMap, Unifo
 from asmjax.sweep import ready, trial
 from asmjax.sweep.config import sweep_of
 from asmjax.sweep.ready import ReadyViews, Recent
+from asmjax.sweep.share import Share, share_of
 from asmjax.sweep.trial import algorithm_for, run_trial
 
 DOCS = Path(__file__).parents[1] / "docs"
@@ -163,7 +166,7 @@ def test_adaptive_trials_are_the_same_each_time(config, views):
 
 def test_what_was_used_longest_ago_is_let_go():
     """Within so many bytes; one that is larger stays alone."""
-    recent: Recent[str, str] = Recent(10)
+    recent: Recent[str, str] = Recent()
     made: list[str] = []
 
     def get(key: str, size: int) -> str:
@@ -171,7 +174,7 @@ def test_what_was_used_longest_ago_is_let_go():
             made.append(key)
             return key.upper(), size
 
-        return recent.get(key, make)
+        return recent.get(key, make, 10)
 
     assert [get(key, 4) for key in "abab"] == ["A", "B", "A", "B"] and made == ["a", "b"]
     get("a", 4)
@@ -184,6 +187,32 @@ def test_what_was_used_longest_ago_is_let_go():
     recent.drop("a")
     recent.drop("a")
     assert recent.keys == []
+
+
+def test_what_stays_keeps_to_a_part_of_what_may_be_held(config):
+    """Two gigabytes of scenes where nobody says less, a quarter of it where that is less."""
+    free, held = Limit(None, 0, ""), Limit(2**30, 2**29, "")
+    assert ReadyViews(lambda: free)._most(ready.SCENE_BYTES, ready.SCENE_PART) == 2 * 2**30
+    assert ReadyViews(lambda: held)._most(ready.SCENE_BYTES, ready.SCENE_PART) == 2**28
+
+
+@pytest.mark.mitsuba
+def test_a_trial_keeps_to_its_share(config, views):
+    """What would take more is refused by what the process may hold, not by what the machine has."""
+    share = Share(machine.process_bytes() + 2**20, "a share of each of 9 workers")
+    with pytest.raises(MemoryShort, match="allowed are .* MB in all .a share of each of 9 workers"):
+        run_trial(config(BASE), share)
+
+
+def test_a_share_is_a_part_of_what_is_free_or_what_was_asked_for(monkeypatch):
+    monkeypatch.setattr(machine, "free_memory_bytes", lambda: 10 * 2**30)
+    found = share_of(4, None)
+    assert found is not None and found.bytes == 2 * 2**30
+    assert found.reason.endswith("each of 4 workers; fewer --workers have more each")
+    assert share_of(4, 100.0) == share_of(0, 100.0) == Share(100 * 2**20, "--max-memory")
+    assert share_of(0, None) is None
+    limit = found.limit()
+    assert limit.bytes == found.bytes and 0 < limit.held < found.bytes
 
 
 @pytest.mark.mitsuba

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import cloudpickle
@@ -16,7 +17,7 @@ from helpers.sweep_trials import fake_trials, run
 
 from asmjax.sweep import watched
 from asmjax.sweep.ended import End, Ended
-from asmjax.sweep.watched import Limits, WatchedProcess
+from asmjax.sweep.watched import CannotRun, Limits, WatchedProcess
 
 LONG = 60.0
 """A deadline that no trial meets, seconds."""
@@ -33,7 +34,9 @@ def process():
 def ended(process: WatchedProcess, limits: Limits | None = None, **config) -> Ended:
     """One trial in it."""
     (trial,) = fake_trials(1, **config)
-    return process.carry_out(cloudpickle.dumps(run), trial.config, limits or Limits(LONG))
+    return process.carry_out(
+        trial.key, cloudpickle.dumps(run), trial.config, limits or Limits(LONG)
+    )  # fmt: skip
 
 
 def test_trials_share_a_warm_process_on_one_cpu(process):
@@ -74,8 +77,88 @@ def test_deadline_and_memory_end_a_trial_whatever_it_does(process):
     assert late.error == "it took longer than its deadline of 0.3 s"
     large = ended(process, Limits(LONG, 2**28), do="hog")
     assert (large.status, large.attempts) == (End.MEMORY, 1)
-    assert large.error == "it held more main memory than the 256 MB that it may"
+    assert large.error.startswith(
+        "it held more main memory than the 256 MB that it may; fewer --wo"
+    )
     assert ended(process).status == End.DONE
+
+
+def test_memory_that_an_earlier_trial_took_costs_none(process):
+    """Rationale: what becomes of a trial must not hang on which ones came before it."""
+    first, second = ended(process, do="crowd"), ended(process, do="crowd")
+    assert (first.status, second.status) == (End.DONE, End.DONE)
+    assert second.attempts == 2 and second.machine["process"] != first.machine["process"]
+
+
+def test_a_process_that_is_slow_to_end_has_its_own_cause(process, monkeypatch):
+    """It closed its connection before, as one does that gives back much memory."""
+    monkeypatch.setattr(watched, "ATTEMPTS", 1)
+    slow = ended(process, do="linger", seconds=0.3)
+    assert slow.error == "it ended its process with exit code 3"
+    monkeypatch.setattr(watched, "GONE", 0.1)
+    never = ended(process, do="linger", seconds=LONG)
+    assert never.error == "its process broke its connection off, and did not end within 0.1 s"
+
+
+def test_threads_take_turns_and_get_their_own_answers(process):
+    """A deadline begins with the trial's turn."""
+    ended(process)
+    with ThreadPoolExecutor(3) as threads:
+        trials = fake_trials(3, do="sleep", seconds=0.4)
+        found = threads.map(
+            lambda trial: process.carry_out(
+                trial.key, cloudpickle.dumps(run), trial.config, Limits(1.0)
+            ),
+            trials,
+        )
+    assert [json.loads(one.record)["square"] for one in found] == [0, 1, 4]
+
+
+def test_each_thread_of_a_worker_has_a_process(monkeypatch):
+    """Both trials run at once, and each process goes with its thread."""
+    monkeypatch.setattr(watched, "_all", [])
+    both = threading.Barrier(2)
+
+    def carried_out(trial):
+        watched.carry_out(trial.key, cloudpickle.dumps(run), trial.config, Limits(LONG))
+        both.wait()
+        return watched.carry_out(trial.key, cloudpickle.dumps(run), trial.config, Limits(LONG))
+
+    with ThreadPoolExecutor(2) as threads:
+        found = [*threads.map(carried_out, fake_trials(2))]
+    assert [json.loads(one.record)["square"] for one in found] == [0, 1]
+    assert len({one.machine["process"] for one in found}) == 2 == len(watched._all)
+    for process in watched._all:
+        process.close()
+
+
+@pytest.mark.parametrize(
+    ("program", "cause"),
+    [
+        ("exit 5", "ended its process with exit code 5"),
+        ("exec sleep 60", "not answer within 0.3 s"),
+    ],
+)
+def test_a_process_that_does_not_start_is_not_the_trials_fault(
+    monkeypatch, tmp_path, program, cause
+):  # fmt: skip
+    monkeypatch.setattr(watched, "START", 0.3)
+    monkeypatch.setattr(sys, "executable", str(tmp_path / "python"))
+    Path(sys.executable).write_text(f"#!/bin/sh\n{program}\n", encoding="utf-8")
+    Path(sys.executable).chmod(0o755)
+    watching = WatchedProcess()
+    with pytest.raises(CannotRun, match=f"its process for trials does not start: .*{cause}"):
+        ended(watching)
+    watching.close()
+
+
+def test_an_answer_for_another_trial_is_none(process, monkeypatch):
+    monkeypatch.setattr(watched, "ATTEMPTS", 1)
+    ended(process)
+    other = Ended(End.DONE, trial="another")
+    monkeypatch.setattr(WatchedProcess, "_heard", lambda *_: other)
+    found = ended(process)
+    assert (found.status, found.error) == (End.CRASHED, "its process answered for trial another")
 
 
 def test_a_trial_can_be_stopped(process, tmp_path):
@@ -108,7 +191,7 @@ def die():
 
 threading.Thread(target=die).start()
 (trial,) = fake_trials(1, do="endless", log=sys.argv[1])
-WatchedProcess().carry_out(cloudpickle.dumps(run), trial.config, Limits(60))
+WatchedProcess().carry_out(trial.key, cloudpickle.dumps(run), trial.config, Limits(60))
 """
 
 

@@ -52,6 +52,21 @@ class WorkerOptions:
     ] = None
     """The file that `dask scheduler --scheduler-file FILE` writes, in place of an address."""
 
+    max_memory_mb: Annotated[
+        float | None,
+        arg(
+            metavar="MB",
+            aliases=("--max-memory",),
+            help_behavior_hint="(default: a part of 80 % of what is free; with a scheduler, any)",
+        ),
+    ] = None
+    """Main memory that each process may hold in all, in MB (2^20 bytes). A trial that takes more,
+    or by an estimate would, is kept as out of memory."""
+
+    wait_minutes: Annotated[float, arg(metavar="MINUTES")] = 10.0
+    """How long a sweep waits where no worker is there; then it ends, and what is finished is
+    kept."""
+
     variant: Annotated[
         str | None,
         arg(metavar="NAME", help_behavior_hint="(default: the fastest that works without CUDA)"),
@@ -93,6 +108,9 @@ class SweepOptions(SweptOptions, WorkerOptions, StoreOptions):
         )
         if self.workers is not None:
             at_least(0, "--workers", self.workers, "")
+        if self.max_memory_mb is not None:
+            at_least(1, "--max-memory", self.max_memory_mb, "MB")
+        at_least(0, "--wait-minutes", self.wait_minutes, "")
         named = [
             option
             for option, value in (

@@ -1,8 +1,8 @@
 """The process that carries out trials, one after the other: what ends it ends nobody else.
 
-`python -m asmjax.sweep.child DESCRIPTOR PARENT` reads pairs of a pickled function and a
-configuration from the connection with that file descriptor, and answers each by an `Ended`. What a
-trial leaves warm, as compiled code and a loaded scene, the next one finds. The other end is
+`python -m asmjax.sweep.child DESCRIPTOR PARENT` reads keys of trials, each with a pickled function
+and a configuration, from the connection with that file descriptor, and answers each by an `Ended`.
+What a trial leaves warm, as compiled code and a loaded scene, the next one finds. The other end is
 `asmjax.sweep.watched`.
 """
 
@@ -13,6 +13,7 @@ import pickle
 import resource
 import signal
 import sys
+from dataclasses import replace
 from multiprocessing.connection import Connection
 from pathlib import Path
 
@@ -37,8 +38,9 @@ def main(descriptor: int, parent: int) -> None:
     line.send("ready")
     with contextlib.suppress(EOFError, ConnectionError):
         while True:
-            pickled, config = line.recv()
-            line.send(attempt(lambda of, run=pickled: _function(functions, run)(of), config))
+            key, pickled, config = line.recv()
+            ended = attempt(lambda of, run=pickled: _function(functions, run)(of), config)
+            line.send(replace(ended, trial=key))
 
 
 def end_with(parent: int) -> None:

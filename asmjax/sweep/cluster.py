@@ -1,7 +1,8 @@
 """Trials in workers of dask: on this machine by default, or on a cluster that somebody started.
 
-Dask brings trials to workers, and gives those of a worker that is gone to another one; everything
-else about a trial is known where it runs (`asmjax.sweep.watched`).
+Dask brings trials to workers, and gives those of a worker that is gone to another one. One that
+cannot run trials at all is sent away, and its trials go to others. Everything else about a trial is
+known where it runs (`asmjax.sweep.watched`).
 """
 
 import contextlib
@@ -22,25 +23,28 @@ from distributed import Client, KilledWorker, LocalCluster, Security, WorkerPlug
 from distributed.client import Future
 from distributed.utils import silence_logging_cmgr
 
-from asmjax import machine
 from asmjax.errors import UseError
-from asmjax.memory import SHARE
 from asmjax.sweep.addresses import check_certificates, scheduler_address
 from asmjax.sweep.ended import End, Ended
 from asmjax.sweep.pool import Lost, Run, Runnable
 from asmjax.sweep.watched import Limits, carry_out, stop_now
 
+_log = logging.getLogger("asmjax")
+
 CONNECT = 20.0
 """Seconds in which a scheduler must answer."""
 
 ROUNDS = 5
-"""Times that dask may give a trial up because every worker was lost that it gave it to."""
+"""Times that a trial, or its answer, may be lost: each time dask gave up because every worker was
+lost that it gave it to, or the one that had the answer was."""
 
 COUNT = 1.0
 """Seconds between looks at which workers there are."""
 
 FETCH = 60.0
 """Seconds in which what a worker answered must be here."""
+
+REMEDY = "give workers the environment of this process, with the same asmjax."
 
 
 class Workers:
@@ -56,19 +60,18 @@ class Workers:
     ):
         """
         Args:
-            limits: without one of memory, each worker of our own gets a share of what is free.
+            limits: of a trial.
             workers: of a cluster of our own.
 
         Raises:
             UseError: the scheduler's address may not be used, or nobody answers there.
         """
         address = scheduler_address(scheduler, scheduler_file)
-        if address is None and limits.memory_bytes is None:
-            limits = Limits(limits.deadline_s, _share(workers))
         self._run, self._limits, self._name = cloudpickle.dumps(run), limits, uuid.uuid4().hex
         self._ended: queue.SimpleQueue[Future] = queue.SimpleQueue()
         self._running: dict[str, tuple[Runnable, Future]] = {}
         self._rounds: Counter[str] = Counter()
+        self._retired: set[str] = set()
         self._threads, self._counted = 0, -COUNT
         self._open = contextlib.ExitStack()
         self._client = self._open.enter_context(
@@ -90,8 +93,7 @@ class Workers:
         """Threads of all workers, as of a second ago at most."""
         if time.monotonic() - self._counted >= COUNT:
             with self._lost_when_closed():
-                threads: Any = self._client.nthreads()
-                self._threads = sum(threads.values())
+                self._threads = sum(self._usable().values())
             self._counted = time.monotonic()
         return self._threads
 
@@ -107,7 +109,7 @@ class Workers:
     def start(self, trial: Runnable) -> None:
         with self._lost_when_closed():
             future = self._client.submit(
-                carry_out, self._run, trial.config, self._limits, self._name, pure=False
+                carry_out, trial.key, self._run, trial.config, self._limits, self._name, pure=False
             )
         self._running[str(future.key)] = trial, future
         future.add_done_callback(self._ended.put)
@@ -117,36 +119,77 @@ class Workers:
 
         Raises:
             Lost: the scheduler is gone.
-            UseError: workers cannot run trials of this asmjax at all.
+            UseError: no worker is left that can run trials.
         """
         try:
             future = self._ended.get(timeout=COUNT)
         except queue.Empty:
             return None
-        key = str(future.key)
-        trial, _ = self._running[key]
+        trial, _ = self._running[str(future.key)]
         try:
             ended = future.result(timeout=FETCH)
-        except KilledWorker:
-            del self._running[key]
-            self._rounds[trial.key] += 1
-            if self._rounds[trial.key] < ROUNDS:
+        except Exception as problem:
+            return self._without_answer(trial, future, problem)
+        del self._running[str(future.key)]
+        if ended.trial != trial.key:
+            raise UseError(f"a worker answered for another trial than it was given; {REMEDY}")
+        return trial, ended
+
+    def _without_answer(
+        self, trial: Runnable, future: Future, problem: Exception
+    ) -> tuple[Runnable, Ended] | None:
+        """Let a trial be run again, by others if it was its worker that failed."""
+        key = str(future.key)
+        if future.cancelled():
+            raise Lost from problem
+        if future.status == "error":
+            # `problem` may be of fetching an answer that was lost before this one failed.
+            with self._lost_when_closed():
+                raised: Any = future.exception(timeout=FETCH)
+            if not isinstance(raised, KilledWorker):
+                self._retire(key, raised)
+                del self._running[key]
                 self.start(trial)
                 return None
+        self._rounds[trial.key] += 1
+        if self._rounds[trial.key] == ROUNDS:
+            del self._running[key]
             return trial, Ended(End.CRASHED, error="worker after worker was lost that ran it")
-        except (TimeoutError, OSError):
-            # Its worker was lost with the answer, and another one runs it now.
-            self._ended.put(future)
-            return None
-        except Exception as problem:
-            if future.cancelled():
-                raise Lost from problem
+        if future.status == "error":
+            del self._running[key]
+            self.start(trial)
+        else:
+            # The answer was lost, and dask has the trial run again.
+            future.add_done_callback(self._ended.put)
+        return None
+
+    def _retire(self, key: str, problem: Exception) -> None:
+        """Send away the worker that could not run a trial.
+
+        Raises:
+            UseError: none is left, or it is not known which one it was.
+        """
+        cause = f"{type(problem).__name__}: {problem}"
+        with self._lost_when_closed():
+            told: Any = self._client.run_on_scheduler(
+                lambda dask_scheduler: [*(dask_scheduler.tasks[key].erred_on or ())]
+            )
+            for place in {*told} - self._retired:
+                _log.warning(
+                    "worker %s cannot run trials, which others get now (%s)", place, cause
+                )  # fmt: skip
+                self._retired.add(place)
+                self._client.retire_workers(workers=[place], close_workers=True)
+            left = self._usable()
+        if not told or not left:
             raise UseError(
-                f"workers cannot run trials ({type(problem).__name__}: {problem}); give them the "
-                "environment of this process, with the same asmjax."
+                f"no worker is left that can run trials ({cause}); {REMEDY}"
             ) from problem
-        del self._running[key]
-        return trial, ended
+
+    def _usable(self) -> dict[str, int]:
+        """Threads of each worker that was not sent away, by address."""
+        threads: Any = self._client.nthreads()
+        return {place: count for place, count in threads.items() if place not in self._retired}
 
     @contextlib.contextmanager
     def _lost_when_closed(self) -> Iterator[None]:
@@ -161,7 +204,8 @@ class Workers:
 
 @contextlib.contextmanager
 def _own_cluster(workers: int) -> Iterator[Client]:
-    """A client of a cluster on this machine: loopback only, no dashboard, one thread a worker."""
+    """A client of a cluster on this machine: no dashboard, one thread a worker, and only on the
+    loopback, where nobody else of this machine has the certificates."""
     # Dask would set variables of this process, and so of all that it starts later.
     unset = dask.config.set({"distributed.nanny.pre-spawn-environ": {}})
     with unset, warnings.catch_warnings():
@@ -172,6 +216,7 @@ def _own_cluster(workers: int) -> Iterator[Client]:
             threads_per_worker=1,
             processes=True,
             host="127.0.0.1",
+            security=Security.temporary(),
             # No dashboard; what is left of its server takes any port of the loopback.
             scheduler_kwargs={"dashboard": False, "dashboard_address": "127.0.0.1:0"},
             # Trials have processes and limits of their own.
@@ -207,9 +252,3 @@ class _Deaf(WorkerPlugin):
 
     def setup(self, worker) -> None:
         signal.signal(signal.SIGINT, signal.SIG_IGN)
-
-
-def _share(workers: int) -> int | None:
-    """Main memory for the process of each worker, bytes; None where it cannot be told."""
-    free = machine.free_memory_bytes()
-    return None if free is None else int(SHARE * free / workers)

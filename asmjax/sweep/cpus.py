@@ -20,7 +20,8 @@ def claim_cpu() -> int | None:
     """
     if sys.platform != "linux":
         return None
-    usable = sorted(os.sched_getaffinity(0))
+    # Of the main thread: this one may be kept to a CPU already.
+    usable = sorted(os.sched_getaffinity(os.getpid()))
     for cpu in usable:
         claim = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         try:

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from asmjax.errors import require
 from asmjax.sweep.ended import End, Ended
-from asmjax.sweep.pool import Here, Lost, Pool, Run, Runnable
+from asmjax.sweep.pool import Alone, Here, Lost, Pool, Run, Runnable
 from asmjax.sweep.store import Store
 from asmjax.sweep.watched import Limits
 
@@ -26,6 +26,7 @@ class SweepStatus(enum.Enum):
     COMPLETE = "complete"
     INTERRUPTED = "interrupted"
     LOST = "lost the scheduler"
+    ALONE = "without workers"
 
 
 @dataclass(frozen=True)
@@ -38,6 +39,7 @@ class SweepProgress:
         done, failed: trials that this run kept, ended well or not.
         running: trials that a worker has, or that are on their way to one.
         workers: that run trials now; 0 while the sweep waits for some.
+        alone_s: seconds since the last one was seen; 0 while some are there.
         seconds: since the start.
         last: key of the trial that was just kept; None where none was.
         cause: why that one failed; empty otherwise.
@@ -49,6 +51,7 @@ class SweepProgress:
     failed: int = 0
     running: int = 0
     workers: int = 0
+    alone_s: float = 0.0
     seconds: float = 0.0
     last: str | None = None
     cause: str = ""
@@ -84,6 +87,7 @@ def run_sweep(
     deadline_s: float,
     progress: Callable[[SweepProgress], None],
     memory_bytes: int | None = None,
+    alone_s: float = 600.0,
     again: bool = False,
 ) -> SweepResult:
     """Run all trials that `store` does not know, and keep each with its outcome or its cause.
@@ -98,8 +102,8 @@ def run_sweep(
         scheduler, scheduler_file: of a dask cluster, whose workers are taken instead.
         deadline_s: seconds that a trial may take.
         progress: called in this thread.
-        memory_bytes: main memory that the process of a trial may hold. Where None, on this machine
-            a share of what is free, on a cluster as much as there is.
+        memory_bytes: main memory that the process of a worker may hold; None for no limit.
+        alone_s: seconds that may pass without any worker.
         again: trials that were kept and did not end well are run once more.
 
     Raises:
@@ -114,7 +118,8 @@ def run_sweep(
     settled = {key for key, status in known.items() if not again or status == End.DONE}
     waiting = deque(trial for key, trial in wanted.items() if key not in settled)
     fresh = [trial.key for trial in waiting]
-    sweep = _Sweep(store, progress, SweepProgress(len(wanted), len(wanted) - len(fresh)))
+    start = SweepProgress(len(wanted), len(wanted) - len(fresh))
+    sweep = _Sweep(store, progress, start, alone_s)
     status = SweepStatus.COMPLETE
     if waiting:
         limits = Limits(deadline_s, memory_bytes)
@@ -123,6 +128,8 @@ def run_sweep(
                 sweep.run(pool, waiting)
         except Lost:
             status = SweepStatus.LOST
+        except Alone:
+            status = SweepStatus.ALONE
         except KeyboardInterrupt:
             status = SweepStatus.INTERRUPTED
     # The store knows best: an interruption may have come between keeping and counting.
@@ -142,14 +149,20 @@ class _Sweep:
     """Trials on their way from those that wait into the store."""
 
     def __init__(
-        self, store: Store, progress: Callable[[SweepProgress], None], now: SweepProgress
-    ):  # fmt: skip
+        self,
+        store: Store,
+        progress: Callable[[SweepProgress], None],
+        now: SweepProgress,
+        alone_s: float,
+    ):
         self._store, self._progress, self._now = store, progress, now
-        self._start = time.monotonic()
+        self._alone_s = alone_s
+        self._start = self._seen = time.monotonic()
         self.failed: set[str] = set()
 
     def run(self, pool: Pool, waiting: deque[Runnable]) -> None:
-        """Run all. Raises what `pool` and the store do."""
+        """Run all. Raises `Alone`, and what `pool` and the store do."""
+        self._seen = time.monotonic()
         self._tell(pool)
         while waiting or pool.running:
             for _ in range(min(pool.room, len(waiting))):
@@ -168,16 +181,22 @@ class _Sweep:
             self._now = replace(self._now, failed=self._now.failed + 1)
 
     def _tell(self, pool: Pool, found: tuple[Runnable, Ended] | None = None) -> None:
+        workers, now = pool.workers, time.monotonic()
+        if workers:
+            self._seen = now
         self._progress(
             replace(
                 self._now,
                 running=pool.running,
-                workers=pool.workers,
-                seconds=time.monotonic() - self._start,
+                workers=workers,
+                alone_s=now - self._seen,
+                seconds=now - self._start,
                 last=found[0].key if found else None,
                 cause=found[1].error if found else "",
             )
         )
+        if now - self._seen > self._alone_s:
+            raise Alone
 
 
 def _pool(

@@ -1,6 +1,5 @@
 """How a trial ended, packed where it ran: plain text and bytes, which nobody unpickles later."""
 
-import contextlib
 import enum
 import functools
 import io
@@ -12,12 +11,13 @@ import threading
 import time
 import traceback
 import zipfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
+from asmjax.memory import MemoryShort
 from asmjax.report.provenance import provenance
 
 DETAILS = 4000
@@ -25,6 +25,8 @@ DETAILS = 4000
 
 MACHINE = ("cpu", "cores", "memory_bytes")
 """Of a report's `machine`, what every process knows of itself."""
+
+T = TypeVar("T")
 
 
 class End(enum.StrEnum):
@@ -51,6 +53,7 @@ class Ended:
         started: seconds since 1970, of the first attempt.
         seconds: wall time of the last attempt.
         versions, machine: of where it ran, as in reports.
+        trial: its key, as the process of a worker was told; empty elsewhere.
     """
 
     status: End
@@ -63,6 +66,7 @@ class Ended:
     seconds: float = 0.0
     versions: dict[str, str] = field(default_factory=dict)
     machine: dict[str, Any] = field(default_factory=dict)
+    trial: str = ""
 
 
 class Overdue(BaseException):
@@ -72,50 +76,67 @@ class Overdue(BaseException):
 def attempt(run: Callable[[dict], Any], config: dict) -> Ended:
     """Carry out a trial in this process; whatever it raises is how it ended.
 
-    Only an interruption of the user goes through.
+    Raises:
+        KeyboardInterrupt: of the user.
+        Overdue: of `within`.
     """
     started, begun = time.time(), time.perf_counter()
     try:
         outcome = run(config)
-        ended = Ended(End.DONE, _record(outcome.record), _packed(outcome.arrays))
-    except KeyboardInterrupt:
+        record, arrays = _record(outcome.record), _packed(outcome.arrays)
+        ended = Ended(End.DONE, record=record, arrays=arrays)
+    except (KeyboardInterrupt, Overdue):
         raise
-    except Overdue:
-        ended = Ended(End.TIMEOUT, error="it took longer than its deadline")
+    except MemoryShort as problem:
+        ended = Ended(End.MEMORY, error=str(problem))
     except BaseException as problem:  # SystemExit too: a trial must not end its process
         ended = Ended(
             End.FAILED,
             error=_one_line(f"{type(problem).__name__}: {problem}"),
             details=traceback.format_exc()[-DETAILS:],
         )
-    versions, machine = facts()
-    return replace(
-        ended,
-        started=started,
-        seconds=time.perf_counter() - begun,
-        versions=versions,
-        machine=machine,
-    )
+    return _told_here(ended, started, begun)
 
 
-@contextlib.contextmanager
-def overdue_after(seconds: float) -> Iterator[None]:
-    """`Overdue` is raised inside once that time has passed, as soon as Python runs again.
+def attempt_within(seconds: float, run: Callable[[dict], Any], config: dict) -> Ended:
+    """`attempt`, ended as soon as that time has passed and Python runs again."""
+    started, begun = time.time(), time.perf_counter()
+    try:
+        return within(seconds, lambda: attempt(run, config))
+    except Overdue:
+        late = Ended(End.TIMEOUT, error="it took longer than its deadline")
+        return _told_here(late, started, begun)
 
-    Only in the main thread: elsewhere Python takes no signals, and nothing is raised.
+
+def within(seconds: float, work: Callable[[], T]) -> T:
+    """What `work` gives, if it does so in time.
+
+    Only the main thread is held to it: elsewhere Python takes no signals.
+
+    Raises:
+        Overdue: it did not; raised inside of it, as soon as Python runs again.
     """
     if threading.current_thread() is not threading.main_thread():
-        yield
-        return
+        return work()
+    armed = True
 
     def ring(*_) -> None:
-        raise Overdue
+        nonlocal armed
+        if armed:
+            armed = False
+            raise Overdue
 
     begun = time.monotonic()
+    theirs, _ = signal.setitimer(signal.ITIMER_REAL, 0)
     before = signal.signal(signal.SIGALRM, ring)
-    theirs, _ = signal.setitimer(signal.ITIMER_REAL, seconds)
+    # The alarm may ring at any step in here, the last one of `work` and those after it too: what is
+    # outside is done in any case, and undisturbed.
     try:
-        yield
+        try:
+            signal.setitimer(signal.ITIMER_REAL, seconds)
+            return work()
+        finally:
+            armed = False
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0)
         signal.signal(signal.SIGALRM, before)
@@ -139,6 +160,13 @@ def _machine() -> dict[str, Any]:
 def facts() -> tuple[dict[str, str], dict[str, Any]]:
     """Versions and machine of this process."""
     return dict(_versions()), _machine() | {"process": os.getpid()}
+
+
+def _told_here(ended: Ended, started: float, begun: float) -> Ended:
+    """With where and when this process carried it out."""
+    versions, machine = facts()
+    seconds = time.perf_counter() - begun
+    return replace(ended, started=started, seconds=seconds, versions=versions, machine=machine)
 
 
 def _record(record: Mapping[str, Any]) -> str:

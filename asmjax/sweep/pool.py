@@ -7,7 +7,7 @@ order. `asmjax.sweep.cluster` is the pool of many processes.
 from collections.abc import Callable
 from typing import Any, Protocol, runtime_checkable
 
-from asmjax.sweep.ended import Ended, attempt, overdue_after
+from asmjax.sweep.ended import Ended, attempt_within
 
 
 @runtime_checkable
@@ -32,6 +32,10 @@ Run = Callable[[dict], Any]
 
 class Lost(Exception):
     """The scheduler is gone, and with it the trials that ran."""
+
+
+class Alone(Exception):
+    """No worker was there for as long as it may be."""
 
 
 @runtime_checkable
@@ -99,5 +103,4 @@ class Here:
     def next(self) -> tuple[Runnable, Ended] | None:
         trial, self._trial = self._trial, None
         assert trial is not None
-        with overdue_after(self._deadline_s):
-            return trial, attempt(self._run, trial.config)
+        return trial, attempt_within(self._deadline_s, self._run, trial.config)

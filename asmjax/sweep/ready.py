@@ -14,7 +14,7 @@ from asmjax.experiment.bench import Bench
 from asmjax.experiment.light_angles import parallel_light
 from asmjax.experiment.soft_rays import calls_for_soft_truth
 from asmjax.job_memory import RAY, Sight, held_besides, trial_stages
-from asmjax.memory import Memory, check, limit_of
+from asmjax.memory import Limit, Memory, check, limit_of
 from asmjax.options import RunOptions
 from asmjax.preparation import bench_of, calibrated, sight_of
 from asmjax.render.load import TRIANGLE, Scene, load_scene
@@ -24,17 +24,19 @@ from asmjax.shadow import CostModel, ShadowAlgorithm
 from asmjax.sweep.identity import file_content
 
 SCENE_BYTES, VIEW_BYTES = 2 * 2**30, 2**30
-"""Of scenes and of views that stay; the last one of each always does."""
+"""Of scenes and of views that stay, at most; the last one of each always does."""
+
+SCENE_PART, VIEW_PART = 1 / 4, 1 / 8
+"""Of what the process may hold, likewise."""
 
 K = TypeVar("K", bound=Hashable)
 T = TypeVar("T")
 
 
 class Recent(Generic[K, T]):
-    """The values that were used last, of `most` bytes in all, or of one that is larger."""
+    """The values that were used last."""
 
-    def __init__(self, most: int):
-        self._most = most
+    def __init__(self):
         self._kept: OrderedDict[K, tuple[T, int]] = OrderedDict()
 
     @property
@@ -42,12 +44,15 @@ class Recent(Generic[K, T]):
         """Of what is there, the last one that was asked for at the end."""
         return list(self._kept)
 
-    def get(self, key: K, make: Callable[[], tuple[T, int]]) -> T:
-        """The value of that key; `make` gives it and its bytes where it is not there."""
+    def get(self, key: K, make: Callable[[], tuple[T, int]], most: float) -> T:
+        """The value of that key; `make` gives it and its bytes where it is not there.
+
+        What is kept is of `most` bytes in all, or one that is larger.
+        """
         if key not in self._kept:
             self._kept[key] = make()
         self._kept.move_to_end(key)
-        while len(self._kept) > 1 and sum(size for _, size in self._kept.values()) > self._most:
+        while len(self._kept) > 1 and sum(size for _, size in self._kept.values()) > most:
             self._kept.popitem(last=False)
         return self._kept[key][0]
 
@@ -83,11 +88,21 @@ class Ready:
 
 
 class ReadyViews:
-    """What a process has loaded and seen."""
+    """What a process has loaded and seen.
 
-    def __init__(self, scene_bytes: int = SCENE_BYTES, view_bytes: int = VIEW_BYTES):
-        self._scenes: Recent[Hashable, Scene] = Recent(scene_bytes)
-        self._views: Recent[tuple[Hashable, ...], Ready] = Recent(view_bytes)
+    Args:
+        limit: of what the process may hold, told anew each time.
+    """
+
+    def __init__(
+        self,
+        limit: Callable[[], Limit] = limit_of,
+        scene_bytes: int = SCENE_BYTES,
+        view_bytes: int = VIEW_BYTES,
+    ):
+        self.limit, self._scene_bytes, self._view_bytes = limit, scene_bytes, view_bytes
+        self._scenes: Recent[Hashable, Scene] = Recent()
+        self._views: Recent[tuple[Hashable, ...], Ready] = Recent()
 
     def of(
         self, config: Mapping[str, Any], algorithm_for: Callable[[int], ShadowAlgorithm]
@@ -113,18 +128,23 @@ class ReadyViews:
         def check_room(faces: int, held: int) -> None:
             stages = trial_stages([sight], [algorithm_for(faces)], faces, soft=soft)
             lamp = scene.light_rays_memory(config["light"])
-            limit = limit_of()
+            limit = self.limit()
             # What stages count as theirs is there already where the view is warm.
             check(held_besides(lamp, stages), replace(limit, held=max(0, limit.held - held)))
 
         def made() -> tuple[Ready, int]:
             check_room(1, 0)
             light = config["light"]
-            options = RunOptions(scene=config["scene"], light=light, seed=config["seed"])
+            options = RunOptions(
+                scene=config["scene"],
+                trust_scene=config["trust_scene"],
+                light=light,
+                seed=config["seed"],
+            )
             bench = bench_of(scene, view, options, config["samples"], soft)
             return Ready(scene, bench, light), _bytes(sight)
 
-        ready = self._views.get(key, made)
+        ready = self._views.get(key, made, self._most(self._view_bytes, VIEW_PART))
         check_room(ready.bench.frame.faces, _bytes(sight))
         return ready
 
@@ -135,15 +155,21 @@ class ReadyViews:
                 is_builtin(source) or file_content(Path(source), trust) == config["content"],
                 f"scene file '{source}' has changed since the sweep was read; start it again.",
             )
-            scene = load_scene(source, config["variant"], trust=trust)
+            scene = load_scene(source, config["variant"], trust=trust, limit=self.limit())
             return scene, (scene.geometry.faces.shape[1] * TRIANGLE).bytes
 
-        scene = self._scenes.get(_scene_key(config), made)
+        most = self._most(self._scene_bytes, SCENE_PART)
+        scene = self._scenes.get(_scene_key(config), made, most)
         for key in self._views.keys:
             # A view holds its scene.
             if key[0] not in self._scenes.keys:
                 self._views.drop(key)
         return scene
+
+    def _most(self, most: int, part: float) -> float:
+        """Bytes that may stay."""
+        allowed = self.limit().bytes
+        return most if allowed is None else min(most, part * allowed)
 
 
 def _scene_key(config: Mapping[str, Any]) -> Hashable:

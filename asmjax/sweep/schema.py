@@ -18,7 +18,7 @@ SWEEP_KEYS = {
     ),
     "file": Key("text", "the sweep file"),
     "name": Key("text", "of the sweep"),
-    "status": Key("text", "running, complete, interrupted, or lost the scheduler"),
+    "status": Key("text", "running, complete, interrupted, lost the scheduler, or without workers"),
     "trials": Key("count", "of the sweep"),
     "keys": Key("text list", "of its trials, in the order in which they are run"),
     "merged": Key("count", "combinations that came to the same trial as another one"),

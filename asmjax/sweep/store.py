@@ -192,7 +192,8 @@ def stored_rows(folder: str | Path) -> list[Row]:
     wanted = f"SELECT {', '.join(COLUMNS)} FROM trials ORDER BY started, key"
     try:
         with contextlib.closing(_reader(path)) as base:
-            _check_version(base, path)
+            if not _has_tables(base, path):
+                return []
             return [_row(Path(folder), found) for found in base.execute(wanted)]
     except (sqlite3.Error, ValueError, RecursionError) as problem:
         # A `UseError` says what to do already.
@@ -226,9 +227,7 @@ def _base(path: Path, journal: str) -> sqlite3.Connection:
         try:
             base.execute(f"PRAGMA journal_mode = {journal}")
             base.execute("PRAGMA synchronous = FULL")
-            if base.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]:
-                _check_version(base, path)
-            else:
+            if not _has_tables(base, path):
                 with base:
                     base.execute("BEGIN IMMEDIATE")
                     base.execute(_TABLE)
@@ -239,13 +238,22 @@ def _base(path: Path, journal: str) -> sqlite3.Connection:
         return base
 
 
-def _check_version(base: sqlite3.Connection, path: Path) -> None:
+def _has_tables(base: sqlite3.Connection, path: Path) -> bool:
+    """Whether there is more than a file that was just made: a process may end before its first
+    transaction.
+
+    Raises:
+        UseError: what is there is of another version.
+    """
+    if not base.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]:
+        return False
     (found,) = base.execute("PRAGMA user_version").fetchone()
     require(
         found == VERSION,
         f"'{path}' is of version {found}; this asmjax reads version {VERSION}: choose another "
         "--out.",
     )
+    return True
 
 
 def _reader(path: Path) -> sqlite3.Connection:

@@ -14,6 +14,7 @@ import numpy as np
 from asmjax.experiment.code import code_facts
 from asmjax.experiment.traces import counted_traces
 from asmjax.experiment.trial import Trial
+from asmjax.memory import limit_of
 from asmjax.shadow import (
     AdaptiveShadowMap,
     CostModel,
@@ -24,6 +25,7 @@ from asmjax.shadow import (
 )
 from asmjax.sweep.ready import Ready, ReadyViews
 from asmjax.sweep.resolve import algorithm_in, settings_table
+from asmjax.sweep.share import Share
 
 _READY = ReadyViews()
 
@@ -44,17 +46,23 @@ class Outcome:
     arrays: dict[str, np.ndarray] = field(default_factory=dict)
 
 
-def run_trial(config: Mapping[str, Any]) -> Outcome:
+def run_trial(config: Mapping[str, Any], share: Share | None = None) -> Outcome:
     """Measure a trial; `config` is that of `asmjax.sweep.config.Trial`.
 
     The process keeps scene, eye buffers and truth of the last trials, and all compiled code.
 
+    Args:
+        share: of memory, which the process may hold; None for what it holds and a part of what is
+            free.
+
     Raises:
-        UseError: the trial is not possible: no such view, nothing lit, too little memory, or
-            settings that do not suit this light.
+        MemoryShort: it would take more.
+        UseError: the trial is not possible: no such view, nothing lit, or settings that do not suit
+            this light.
     """
     with _ONE_AT_A_TIME, counted_traces() as traced:
         start = time.perf_counter()
+        _READY.limit = limit_of if share is None else share.limit
         ready = _READY.of(config, partial(algorithm_for, config))
         bench = ready.bench
         algorithm = _with_costs(algorithm_for(config, bench.frame.faces), ready, config)

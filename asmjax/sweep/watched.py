@@ -1,9 +1,9 @@
 """Trials in a process that stays warm, that is watched, and that may die of one.
 
-What runs in a worker of dask: it starts `asmjax.sweep.child` once, hands it trial after trial, and
-looks at it twenty times a second. So the cause of every end is known exactly (an exit code, a
-signal, the deadline, the memory), the worker itself never ends by a trial, and the deadline is kept
-where the trial runs, whatever becomes of the network.
+What runs in a worker of dask, in each of its threads: it starts `asmjax.sweep.child` once, hands it
+trial after trial, and looks at it twenty times a second. So the cause of every end is known exactly
+(an exit code, a signal, the deadline, the memory), the worker itself never ends by a trial, and the
+deadline is kept where the trial runs, whatever becomes of the network.
 """
 
 import contextlib
@@ -12,9 +12,9 @@ import signal
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from dataclasses import dataclass, replace
-from functools import cache
 from multiprocessing import Pipe
 from typing import Any
 
@@ -25,7 +25,8 @@ from asmjax.sweep.cpus import claim_cpu, stay_on
 from asmjax.sweep.ended import DETAILS, End, Ended, facts
 
 ATTEMPTS = 3
-"""Processes that a trial may end: an earlier trial may have spoilt one, or somebody ended it."""
+"""Processes that a trial may end, as an earlier trial may have spoilt one, or somebody ended it;
+and that may fail to start."""
 
 LOOK = 0.05
 """Seconds between looks at a process that is busy."""
@@ -34,7 +35,12 @@ START = 120.0
 """Seconds in which a process must be there; a fraction of one where nothing else runs."""
 
 GONE = 5.0
-"""Seconds after which a killed process is left to the system, as one that waits for a dead disk."""
+"""Seconds that a process may take to end: one that closed its line may have to give back much
+memory; one that was killed is left to the system then, as it may wait for a dead disk."""
+
+
+class CannotRun(Exception):
+    """This worker has no process for trials, whatever the trial; another one may have."""
 
 
 @dataclass(frozen=True)
@@ -50,64 +56,89 @@ class Limits:
     memory_bytes: int | None = None
 
 
-def carry_out(run: bytes, config: dict, limits: Limits, sweep: str = "") -> Ended:
-    """One trial in the warm process of this worker, in a fresh one where that died of it.
+def carry_out(key: str, run: bytes, config: dict, limits: Limits, sweep: str = "") -> Ended:
+    """One trial in the warm process of this thread, in a fresh one where that died of it.
 
     Args:
+        key: of the trial.
         run: the pickled function of a configuration.
         sweep: a name for who asks, for `stop_now`.
+
+    Raises:
+        CannotRun: there is no process.
     """
-    return _of_this_worker().carry_out(run, config, limits, sweep)
+    return _of_this_thread().carry_out(key, run, config, limits, sweep)
 
 
 def stop_now(sweep: str) -> None:
-    """End the trial that runs in this worker, if it is one of that sweep: nobody waits for it."""
-    if _of_this_worker.cache_info().currsize:
-        _of_this_worker().stop(sweep)
+    """End the trials of that sweep that run in this worker: nobody waits for them."""
+    for process in tuple(_all):
+        process.stop(sweep)
 
 
 class WatchedProcess:
-    """The process of one worker, started when the first trial comes."""
+    """The process of one thread of a worker, started when the first trial comes."""
 
     def __init__(self):
         self._cpu = claim_cpu()
         self._said = tempfile.TemporaryFile()
         self._process: subprocess.Popen | None = None
+        self._warm = False
         self._sweep: str | None = None
+        self._one_at_a_time = threading.Lock()
 
-    def carry_out(self, run: bytes, config: dict, limits: Limits, sweep: str = "") -> Ended:
-        """One trial; attempts that end the process are repeated in a fresh one."""
-        self._sweep = sweep
-        begun, ends, attempts = time.time(), None, 0
-        while True:
-            attempts += 1
-            ended = self._ready()
-            if ended is None:
+    def carry_out(
+        self, key: str, run: bytes, config: dict, limits: Limits, sweep: str = ""
+    ) -> Ended:  # fmt: skip
+        """One trial. Attempts that end the process are repeated in a fresh one, and one for which
+        memory was too short if earlier trials may have left some of it taken.
+
+        Raises:
+            CannotRun: no process starts, or nobody waits for the trial any more.
+        """
+        with self._one_at_a_time:
+            self._sweep = sweep
+            begun, ends, attempts = time.time(), None, 0
+            while True:
+                attempts += 1
+                self._have()
+                warm, self._warm = self._warm, True
                 ends = time.monotonic() + limits.deadline_s if ends is None else ends
-                ended = self._once(run, config, ends, limits)
-            if ended.status != End.CRASHED or attempts == ATTEMPTS or self._sweep is None:
-                self._sweep = None
-                return replace(ended, attempts=attempts, started=begun)
+                ended = self._once(key, run, config, ends, limits)
+                again = ended.status == End.CRASHED or (ended.status == End.MEMORY and warm)
+                if not again or attempts == ATTEMPTS or self._sweep is None:
+                    self._sweep = None
+                    return replace(ended, attempts=attempts, started=begun, trial=key)
+                self._end()
 
     def stop(self, sweep: str = "") -> None:
         """End the trial of that sweep, and try it no more; from another thread."""
-        process = self._process
-        if self._sweep == sweep and process is not None:
+        if self._sweep == sweep:
             self._sweep = None
-            process.kill()
+            if (process := self._process) is not None:
+                process.kill()
 
     def close(self) -> None:
         """End the process."""
-        if self._process is not None:
-            self._kill()
+        self._end()
         self._said.close()
 
-    def _ready(self) -> Ended | None:
-        """Have a process that waits for a trial; else why there is none."""
-        if self._process is not None:
-            if self._process.poll() is None:
-                return None
-            self._kill()
+    def _have(self) -> None:
+        """Have a process that waits for a trial. Raises `CannotRun`."""
+        cause = ""
+        for _ in range(ATTEMPTS):
+            if self._sweep is None:
+                raise CannotRun("its sweep was stopped")
+            if self._process is not None and self._process.poll() is None:
+                return
+            self._end()
+            cause = self._start()
+            if not cause:
+                return
+        raise CannotRun(f"its process for trials does not start: {cause}")
+
+    def _start(self) -> str:
+        """Start the process; why it does not answer, empty where it does."""
         stay_on(self._cpu)
         self._line, theirs = Pipe()
         self._forget_said()
@@ -123,29 +154,42 @@ class WatchedProcess:
                 start_new_session=True,
                 env=os.environ | _environment(),
             )
-        return None if self._heard(time.monotonic() + START, None) == "ready" else self._died()
+        self._warm = False
+        answer = self._heard(time.monotonic() + START, None)
+        if answer == "ready":
+            return ""
+        if answer is None:
+            return self._with_last_words(self._cause_of_death())
+        self._end()
+        return self._with_last_words(f"it did not answer within {START:g} s")
 
-    def _once(self, run: bytes, config: dict, ends: float, limits: Limits) -> Ended:
+    def _once(
+        self, key: str, run: bytes, config: dict, ends: float, limits: Limits
+    ) -> Ended:  # fmt: skip
         """One attempt."""
         self._forget_said()
         begun = time.perf_counter()
         try:
-            self._line.send((run, config))
+            self._line.send((key, run, config))
         except OSError:
             answer = None  # it ended since the last look
         else:
             answer = self._heard(ends, limits.memory_bytes)
-        if isinstance(answer, Ended):
+        if isinstance(answer, Ended) and answer.trial == key:
             return answer
         if answer is None:
-            ended = self._died()
+            ended = self._told(End.CRASHED, self._cause_of_death())
+        elif isinstance(answer, Ended):
+            self._end()
+            ended = self._told(End.CRASHED, f"its process answered for trial {answer.trial}")
         else:
-            self._kill()
+            self._end()
             ended = self._told(answer, _excess(answer, limits))
         return replace(ended, seconds=time.perf_counter() - begun)
 
     def _heard(self, ends: float, memory: int | None) -> Any:
-        """What the process sends; None when it died, and what limit it reached when it did."""
+        """What the process sends; None when its line is closed, and what limit it reached when it
+        did."""
         process = self._process
         assert process is not None
         while True:
@@ -153,7 +197,7 @@ class WatchedProcess:
             try:
                 if self._line.poll(min(LOOK, max(left, 0))):
                     return self._line.recv()
-            except (OSError, EOFError):
+            except Exception:  # of what a trial wrote there, too
                 return None
             if process.poll() is not None:
                 return None
@@ -162,61 +206,75 @@ class WatchedProcess:
             if memory is not None and _held(process.pid) > memory:
                 return End.MEMORY
 
-    def _died(self) -> Ended:
-        """How a process that says nothing more ended."""
-        code = self._kill()
+    def _cause_of_death(self) -> str:
+        """How a process whose line is closed ended."""
+        code = self._end(GONE)
         if code is None:
-            error = f"its process did not answer within {START:g} s"
-        elif code >= 0:
-            error = f"it ended its process with exit code {code}"
-        elif -code == signal.SIGKILL:
-            error = "its process was killed (SIGKILL): memory ran out, or somebody did it"
-        else:
-            error = f"its process ended by {signal.Signals(-code).name}"
-        return self._told(End.CRASHED, error)
+            return f"its process broke its connection off, and did not end within {GONE:g} s"
+        if code >= 0:
+            return f"it ended its process with exit code {code}"
+        if -code == signal.SIGKILL:
+            return "its process was killed (SIGKILL): memory ran out, or somebody did it"
+        named = {one.value: one.name for one in signal.Signals}
+        return f"its process ended by {named.get(-code, f'signal {-code}')}"
 
     def _told(self, status: End, error: str) -> Ended:
         """With what the process said last, and where it ran."""
-        said = _text(self._said)
-        last = said.rpartition("\n")[2][:200]
         versions, machine = facts()
         return Ended(
             status,
-            error=f"{error}; it said: {last}" if last and status == End.CRASHED else error,
-            details=said,
+            error=self._with_last_words(error) if status == End.CRASHED else error,
+            details=_text(self._said),
             versions=versions,
             machine=machine,
         )
+
+    def _with_last_words(self, error: str) -> str:
+        last = _text(self._said).rpartition("\n")[2][:200]
+        return f"{error}; it said: {last}" if last else error
 
     def _forget_said(self) -> None:
         # The place in the file is the process's too: both begin anew.
         self._said.seek(0)
         self._said.truncate()
 
-    def _kill(self) -> int | None:
-        """End the process; its exit code, or None where it did not end by itself."""
+    def _end(self, patience: float = 0.0) -> int | None:
+        """End the process if there is one; its exit code, or None where it did not end by itself
+        within so many seconds."""
         process, self._process = self._process, None
-        assert process is not None
+        if process is None:
+            return None
         self._line.close()
         with contextlib.suppress(subprocess.TimeoutExpired):
-            # One that just closed its line may need a moment to be gone.
-            return process.wait(LOOK)
+            return process.wait(patience)
         process.kill()
         with contextlib.suppress(subprocess.TimeoutExpired):
             process.wait(GONE)
         return None
 
 
-@cache
-def _of_this_worker() -> WatchedProcess:
-    return WatchedProcess()
+_mine = threading.local()
+
+_all: list[WatchedProcess] = []
+"""Of all threads."""
+
+
+def _of_this_thread() -> WatchedProcess:
+    found = getattr(_mine, "process", None)
+    if found is None:
+        found = _mine.process = WatchedProcess()
+        _all.append(found)
+    return found
 
 
 def _excess(limit: End, limits: Limits) -> str:
     if limit == End.TIMEOUT:
         return f"it took longer than its deadline of {limits.deadline_s:g} s"
     assert limits.memory_bytes is not None
-    return f"it held more main memory than the {limits.memory_bytes / 2**20:,.0f} MB that it may"
+    return (
+        f"it held more main memory than the {limits.memory_bytes / 2**20:,.0f} MB that it may; "
+        "fewer --workers, or a larger --max-memory, leave it more"
+    )
 
 
 def _text(said) -> str:

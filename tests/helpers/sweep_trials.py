@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from asmjax.memory import MemoryShort
 from asmjax.sweep.driver import SweepProgress, run_sweep
 from asmjax.sweep.store import Store
 
@@ -96,6 +97,23 @@ def _spoil(config: dict) -> None:
         os.abort()
 
 
+def _linger(config: dict) -> None:
+    """Close all connections, and end later."""
+    os.closerange(3, 256)
+    time.sleep(config["seconds"])
+    os._exit(3)
+
+
+def _crowd(config: dict) -> None:
+    """Leave something in the process, with which the same is too much."""
+    _left.append(config)
+    if len(_left) > 1:
+        raise MemoryShort("too little is left")
+
+
+_left: list[dict] = []
+
+
 ACTIONS: dict[str, Callable[[dict], Any]] = {
     "nothing": lambda config: None,
     "sleep": lambda config: time.sleep(config["seconds"]),
@@ -109,6 +127,8 @@ ACTIONS: dict[str, Callable[[dict], Any]] = {
     # Never returns to Python: no thread and no signal handler of the process runs again.
     "endless": lambda config: sum(itertools.repeat(0)),
     "spoil": _spoil,
+    "linger": _linger,
+    "crowd": _crowd,
 }
 
 

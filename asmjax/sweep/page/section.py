@@ -26,6 +26,7 @@ _UNFINISHED = {
     SweepStatus.RUNNING.value: "the last run was ended from outside, or goes on",
     SweepStatus.INTERRUPTED.value: "the last run was interrupted",
     SweepStatus.LOST.value: "the last run lost its scheduler",
+    SweepStatus.ALONE.value: "the last run ended without workers",
 }
 
 
