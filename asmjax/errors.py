@@ -20,13 +20,20 @@ class UseError(ValueError):
         )
 
 
-def unknown_name(kind: str, got: str, allowed: Iterable[str], remedy: str = "") -> UseError:
+def unknown_name(kind: str, got: object, allowed: Iterable[str], remedy: str = "") -> UseError:
     """A `UseError` for a name that is not in a list, with the nearest allowed name suggested."""
     names = sorted(allowed)
-    near = difflib.get_close_matches(got, names, n=1)
+    near = difflib.get_close_matches(str(got), names, n=1)
     hint = f" Did you mean '{near[0]}'?" if near else ""
     known = ", ".join(names) if names else "none here"
     return UseError(f"unknown {kind} '{got}'; known: {known}.{hint} {remedy}".rstrip())
+
+
+def check_choice(kind: str, got: object, allowed: Iterable[str]) -> None:
+    """Raise what `unknown_name` says unless `got` is one of `allowed`."""
+    names = tuple(allowed)
+    if got not in names:
+        raise unknown_name(kind, got, names)
 
 
 def missing_extra(module: str, extra: str) -> UseError:

@@ -201,7 +201,7 @@ def test_costs_are_those_of_all_maps(dtype):
     """And visibility has the points' precision, jitted with the state too."""
     eye, frame, rays = soft_case(22)
     counting = CountingRays(rays)
-    algorithm = AccumulatedShadowMap(100, 3, "both")
+    algorithm = AccumulatedShadowMap(100, 3, compare="both")
     state = algorithm.build(eye, frame, counting)
     cost = algorithm.cost(state)
     assert (cost.rays, cost.passes) == (counting.texels, counting.launches) == (9 * 33**2, 9)

@@ -121,7 +121,7 @@ def test_store_pages_writes_its_pages_and_no_others():
 def flat_twin(case, resolution):
     """What the flat map says about the receivers' stencils, and whose stencils are comparable."""
     receivers = _project(case.eye.points, case.frame, light_offset(case.eye.points, case.frame))
-    flat = UniformShadowMap(resolution, "both")
+    flat = UniformShadowMap(resolution, compare="both")
     straddles = flat.straddling(flat.build(case.eye, case.frame, case.rays), receivers)
     # The flat map repeats its border texels where the tree has a guard band; and receivers within
     # half a degree of edge-on turn a rounding of an offset into another depth.

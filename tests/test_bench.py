@@ -390,7 +390,7 @@ def test_a_key_says_all_that_a_trial_depends_on(bench):
         bench.key(replace(adaptive, cost_model=None), 3, False),
         replace(bench, facts={**FACTS, "machine": "another"}).key(adaptive, 3, False),
         bench.key(UniformShadowMap(64), 3, False),
-        bench.key(UniformShadowMap(64, "both"), 3, False),
+        bench.key(UniformShadowMap(64, compare="both"), 3, False),
         bench.key(LogarithmicShadowMap(64), 3, False),
     ]
     ledger = Ledger()

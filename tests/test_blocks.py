@@ -56,7 +56,9 @@ LARGE_PAGES = {"memory_bytes": 2**21, "node_resolution": 16, "cells": 8}
 
 def asm(**changes) -> AdaptiveShadowMap:
     """Looks take every pixel, so that one size of them is compiled."""
-    known = AdaptiveShadowMap(2**20, None, 8, start_resolution=64, pixel_share=1, cost_model=FAST)
+    known = AdaptiveShadowMap(
+        memory_bytes=2**20, node_resolution=8, start_resolution=64, pixel_share=1, cost_model=FAST
+    )
     return replace(known, **changes)
 
 

@@ -96,7 +96,7 @@ def test_settings_that_are_not_supported_are_refused_with_what_is(settings, told
 
 
 def test_an_unknown_comparison_is_refused_with_the_known_ones():
-    with pytest.raises(UseError, match="'normal' is not known; allowed: depth, id, both"):
+    with pytest.raises(UseError, match="compare 'normal'; known: both, depth, id"):
         check_test("normal", 0.0)
 
 

@@ -207,7 +207,7 @@ INNER = {sibling.name: sibling for sibling in SIBLINGS}
 
 
 def kernels_of(inner: ShadowAlgorithm) -> list[FilteredShadowMap]:
-    return [FilteredShadowMap(kernel, 4.0, 3, inner) for kernel in KERNELS]
+    return [FilteredShadowMap(kernel, 4.0, strata=3, inner=inner) for kernel in KERNELS]
 
 
 @functools.cache
@@ -259,7 +259,7 @@ def test_flat_maps_of_all_families_are_filtered_alike(inner):
     filter makes what it makes of those, but for pixels within a rounding of a border."""
     case = analytic_case("a4_disc_light", 64)
     answers = []
-    for algorithm in (UniformShadowMap(128, "both"), INNER[inner].degenerate(128, "both")):
+    for algorithm in (UniformShadowMap(128, compare="both"), INNER[inner].degenerate(128, "both")):
         filtered = FilteredShadowMap("sixteen", inner=algorithm)
         state = filtered.build(case.eye, case.frame, case.rays)
         answers.append(np.asarray(filtered.visibility(state, case.eye.points)))
@@ -271,7 +271,7 @@ def test_flat_maps_of_all_families_are_filtered_alike(inner):
 @functools.cache
 def filtered_case(kernel: Kernel):
     case = analytic_case("a6_sphere_sun", 64)
-    algorithm = FilteredShadowMap(kernel, 2.0, 4, UniformShadowMap(48))
+    algorithm = FilteredShadowMap(kernel, 2.0, strata=4, inner=UniformShadowMap(48))
     return case, algorithm, algorithm.build(case.eye, case.frame, case.rays)
 
 

@@ -62,7 +62,7 @@ def test_a_map_with_nothing_to_fit_to_is_flat(sibling, name):
     case = hard_view(name, UNLIT[name])
     algorithm = sibling.of_budget(TEXELS, 1)
     state = algorithm.build(case.eye, case.frame, case.rays)
-    flat = UniformShadowMap(algorithm.resolution, algorithm.compare)
+    flat = UniformShadowMap(algorithm.resolution, compare=algorithm.compare)
     expected = flat.build(case.eye, case.frame, case.rays)
     points = base().eye.points
     np.testing.assert_array_equal(

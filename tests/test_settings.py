@@ -5,7 +5,7 @@ import re
 import tomllib
 from dataclasses import fields
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, get_args, get_origin
 
 import pytest
 from hypothesis import given
@@ -397,3 +397,42 @@ def test_examples_of_the_page_are_its_files_and_load():
         assert path.read_text(encoding="utf-8") == text
         algorithm = read_settings(path)
         assert algorithm != algorithm_of({"algorithm": family_of(algorithm)})
+
+
+def refused(family: str, name: str, value: Any) -> str:
+    """What an algorithm says to a value of a kind that the tests' type checks would not let by."""
+    algorithm: Any = ALGORITHMS[family]()
+    object.__setattr__(algorithm, name, value)
+    with pytest.raises(UseError) as problem:
+        algorithm.__check_init__()
+    return str(problem.value)
+
+
+@pytest.mark.parametrize("family", ALGORITHMS)
+def test_a_choice_is_one_of_the_words_that_the_page_lists(family):
+    """Whoever misspells one is told which was meant, from Python as from a file."""
+    types = setting_types(ALGORITHMS[family])
+    assert str not in types.values(), "a text that may be anything"
+    for name, annotation in types.items():
+        for word in get_args(annotation) if get_origin(annotation) is Literal else ():
+            told = re.compile(f"unknown {name} '{word}x'.*mean '{word}'")
+            assert told.search(refused(family, name, f"{word}x"))
+            with pytest.raises(UseError, match=told):
+                algorithm_of({"algorithm": family, "settings": {name: f"{word}x"}})
+
+
+def test_a_number_is_told_to_be_no_word():
+    """Of a filter the map has the resolution."""
+    assert "unknown kernel '2048'" in refused("filtered", "kernel", 2048)
+    assert "given as inner" in refused("filtered", "kernel", 2048)
+    assert "unknown measure '3'" in refused("adaptive", "measure", 3)
+
+
+@pytest.mark.parametrize("family", ALGORITHMS)
+def test_settings_have_to_be_named(family):
+    """All but the first, which is the resolution; a filter's width and samples too. Of an adaptive
+    map a number alone would be one of bytes."""
+    may = {"adaptive": (), "filtered": ("area", 2.0), "accumulated": (64, 2)}.get(family, (64,))
+    ALGORITHMS[family](*may)
+    with pytest.raises(TypeError, match="positional argument"):
+        ALGORITHMS[family](*may, 2048)

@@ -111,7 +111,7 @@ def check_degenerate(sibling, name, compare):
     """Same texel centres, same test: equal bit for bit."""
     compare = "depth" if sibling.depth_only else compare
     case = analytic_case(name, SIDE)
-    flat = UniformShadowMap(128, compare)
+    flat = UniformShadowMap(128, compare=compare)
     expected = flat.visibility(flat.build(case.eye, case.frame, case.rays), case.eye.points)
     algorithm = sibling.degenerate(128, compare)
     state = algorithm.build(case.eye, case.frame, case.rays)

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, UInt16
 
 from asmjax.buffers import Receivers
-from asmjax.errors import UseError, require
+from asmjax.errors import check_choice, require
 
 Compare = Literal["depth", "id", "both"]
 """What decides: depth alone, primitive id alone, or lit if either says so (Fernando et al. 2001,
@@ -52,9 +52,7 @@ def check_test(compare: str, bias: float) -> None:
         math.isfinite(bias) and bias >= 0,
         f"a bias of {bias} is not possible; allowed: a finite number, 0 or more.",
     )
-    if compare not in get_args(Compare):
-        allowed = ", ".join(get_args(Compare))
-        raise UseError(f"compare='{compare}' is not known; allowed: {allowed}.")
+    check_choice("compare", compare, get_args(Compare))
 
 
 def plane_depth(

@@ -64,7 +64,6 @@ KINDS = {
     int: "a whole number",
     float: "a number",
     bool: "true or false",
-    str: "a text in quotes",
     ShadowAlgorithm: "a table with algorithm and settings, as of a file",
 }
 """What the annotations of settings are called."""

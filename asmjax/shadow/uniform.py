@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Hashable
-from dataclasses import replace
+from dataclasses import KW_ONLY, replace
 from typing import ClassVar
 
 import equinox as eqx
@@ -71,6 +71,7 @@ class UniformShadowMap(ShadowAlgorithm[UniformState]):
     """
 
     resolution: int = 2048
+    _: KW_ONLY
     compare: Compare = "depth"
     bias: float = BIAS
     keep: bool = False

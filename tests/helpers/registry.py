@@ -118,8 +118,8 @@ def filtered(name: str, inner: Sibling, **settings) -> Sibling:
 
 _UNIFORM = Sibling(
     "uniform",
-    of_budget=lambda texels, faces: UniformShadowMap(isqrt(texels // faces), "both"),
-    degenerate=lambda side, compare: UniformShadowMap(side, compare),
+    of_budget=lambda texels, faces: UniformShadowMap(isqrt(texels // faces), compare="both"),
+    degenerate=lambda side, compare: UniformShadowMap(side, compare=compare),
     log2_resolution=_of_uniform,
 )
 _ADAPTIVE = Sibling(

@@ -4,9 +4,9 @@ import math
 import time
 from collections.abc import Hashable
 from copy import deepcopy
-from dataclasses import replace
+from dataclasses import KW_ONLY, replace
 from functools import partial
-from typing import ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple, get_args
 
 import equinox as eqx
 import jax
@@ -15,14 +15,14 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from asmjax.buffers import EyeBuffer, LightRays, SurfacePoints, anchor, light_offset, project
-from asmjax.errors import require
+from asmjax.errors import check_choice, require
 from asmjax.geometry import LightFrame
 from asmjax.memory import Memory
 from asmjax.shadow.adaptive.address import address_of
 from asmjax.shadow.adaptive.around import PagedNeighbourhood, placed
 from asmjax.shadow.adaptive.attention import compile_attention
 from asmjax.shadow.adaptive.cost_model import CostModel, calibrate
-from asmjax.shadow.adaptive.look import MEASURES, Goals, compile_looks
+from asmjax.shadow.adaptive.look import Goals, Measure, compile_looks
 from asmjax.shadow.adaptive.motion import touched
 from asmjax.shadow.adaptive.page_table import warm_tables
 from asmjax.shadow.adaptive.pool import NodePool
@@ -87,13 +87,14 @@ class AdaptiveShadowMap(ShadowAlgorithm[AdaptiveState]):
         cost_model: calibrated costs; None calibrates in `build`.
     """
 
+    _: KW_ONLY
     memory_bytes: int = 16 * 2**20
     time_limit: float | None = None
     node_resolution: int = 16
     cells: int = 2
     start_resolution: int | None = None
     ratio_target: float = 1.0
-    measure: str = "axis"
+    measure: Measure = "axis"
     pixel_share: int = 8
     compare: Compare = "both"
     bias: float = BIAS
@@ -128,10 +129,7 @@ class AdaptiveShadowMap(ShadowAlgorithm[AdaptiveState]):
             f"finest_ratio {self.finest_ratio} must lie above 0 and not above ratio_target "
             f"{self.ratio_target}.",
         )
-        require(
-            self.measure in MEASURES,
-            f"measure='{self.measure}' is not known; allowed: {', '.join(MEASURES)}.",
-        )
+        check_choice("measure", self.measure, get_args(Measure))
         require(
             self.pixel_share in (1, 2, 4, 8),
             f"a pixel share of {self.pixel_share} is not supported; allowed: 1 (every pixel), 2, "

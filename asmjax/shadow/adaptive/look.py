@@ -1,9 +1,11 @@
 """Looking at receivers: which page serves each, how fine it is, and whether more would help."""
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache, partial, reduce
 from operator import or_
+from typing import Literal
 
 import equinox as eqx
 import jax
@@ -55,7 +57,9 @@ def _area(points, camera, frame, receivers):
     return log2_linear_ratio(uv_jacobian(points, camera, frame, receivers), 1)
 
 
-MEASURES = {
+Measure = Literal["axis", "area", "mipmap", "mipmap_anisotropic"]
+
+MEASURES: dict[Measure, Callable[..., Array]] = {
     "axis": _axis,
     "area": _area,
     "mipmap": log2_mipmap_ratio,

@@ -1,7 +1,7 @@
 """Percentage-closer filtering (Reeves, Salesin and Cook 1987) around any other shadow map."""
 
 from collections.abc import Hashable
-from dataclasses import replace
+from dataclasses import KW_ONLY, replace
 from typing import Any, ClassVar, Literal, cast, get_args
 
 import equinox as eqx
@@ -70,6 +70,7 @@ class FilteredShadowMap(ShadowAlgorithm[FilteredState]):
 
     kernel: Kernel = "sixteen"
     width: float = 4.0
+    _: KW_ONLY
     strata: int = 4
     inner: ShadowAlgorithm = UniformShadowMap()
 
@@ -79,7 +80,9 @@ class FilteredShadowMap(ShadowAlgorithm[FilteredState]):
 
     def __check_init__(self):
         if self.kernel not in KERNELS:
-            raise unknown_name("kernel", self.kernel, KERNELS)
+            raise unknown_name(
+                "kernel", self.kernel, KERNELS, "The map that is filtered is given as inner."
+            )
         require(
             self.width == 0 or LEAST_WIDTH <= self.width <= MOST_WIDTH,
             f"a width of {self.width} texels is not possible; allowed: 0, or 1/64 to 64.",

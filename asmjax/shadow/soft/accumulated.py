@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Hashable
-from dataclasses import replace
+from dataclasses import KW_ONLY, replace
 from typing import ClassVar
 
 import equinox as eqx
@@ -62,6 +62,7 @@ class AccumulatedShadowMap(ShadowAlgorithm[AccumulatedState]):
 
     resolution: int = 2048
     samples: int = 4
+    _: KW_ONLY
     compare: Compare = "depth"
     bias: float = BIAS
     keep: bool = False
@@ -92,7 +93,7 @@ class AccumulatedShadowMap(ShadowAlgorithm[AccumulatedState]):
     def _flat(self, frame: LightFrame) -> UniformShadowMap:
         """The settings of each of the maps."""
         maps = 1 if frame.area is None else self.samples
-        return UniformShadowMap(self.resolution // maps, self.compare, self.bias)
+        return UniformShadowMap(self.resolution // maps, compare=self.compare, bias=self.bias)
 
     def build(self, view: EyeBuffer, frame: LightFrame, rays: LightRays) -> AccumulatedState:
         require(
@@ -179,7 +180,7 @@ class AccumulatedShadowMap(ShadowAlgorithm[AccumulatedState]):
 
     def memory(self, faces: int) -> MapMemory:
         """All maps together are no larger than one of the whole resolution."""
-        return UniformShadowMap(self.resolution, self.compare, self.bias).memory(faces)
+        return UniformShadowMap(self.resolution, compare=self.compare, bias=self.bias).memory(faces)
 
     def status(self, state: AccumulatedState) -> Status:
         return Status.COMPLETE

@@ -1,5 +1,6 @@
 """Moment shadow maps: filters of any width for the price of one, and soft shadows from them."""
 
+from dataclasses import KW_ONLY
 from typing import ClassVar, Literal, NamedTuple
 
 import equinox as eqx
@@ -56,6 +57,7 @@ class MomentShadowMap(WideShadowMap):
     """
 
     resolution: int = 1024
+    _: KW_ONLY
     kernel: float = 1.0
     compare: Literal["depth"] = "depth"
     bias: float = BIAS

@@ -1,5 +1,6 @@
 """Percentage-closer soft shadows: a filter as wide as the penumbra that the blockers would cast."""
 
+from dataclasses import KW_ONLY
 from typing import ClassVar
 
 import equinox as eqx
@@ -49,6 +50,7 @@ class PCSSShadowMap(WideShadowMap):
     """
 
     resolution: int = 1024
+    _: KW_ONLY
     blocker_taps: int = 32
     filter_taps: int = 64
     compare: Compare = "depth"

@@ -119,7 +119,9 @@ class WideShadowMap(ShadowAlgorithm[WideState]):
 
     @property
     def uniform(self) -> UniformShadowMap:
-        return UniformShadowMap(self.resolution, self.compare, self.bias, self.keep)
+        return UniformShadowMap(
+            self.resolution, compare=self.compare, bias=self.bias, keep=self.keep
+        )
 
     def build(self, view: EyeBuffer, frame: LightFrame, rays: LightRays) -> WideState:
         if self.is_uniform(frame):

@@ -1,15 +1,18 @@
 """The light-space perspective shadow map: the same error at both ends."""
 
-from typing import ClassVar
+from dataclasses import KW_ONLY
+from typing import ClassVar, Literal, get_args
 
 from asmjax.buffers import EyeBuffer
-from asmjax.errors import require
+from asmjax.errors import check_choice
 from asmjax.geometry import Chart, LightFrame
 from asmjax.shadow.comparison import BIAS, Compare
 from asmjax.shadow.warped.body import bodies
 from asmjax.shadow.warped.charted import ChartedShadowMap
 from asmjax.shadow.warped.fit import perspective
 from asmjax.shadow.warped.strength import half_view, light_space_n
+
+Falloff = Literal["sine", "shaped", "none"]
 
 
 class LightSpaceShadowMap(ChartedShadowMap):
@@ -29,7 +32,8 @@ class LightSpaceShadowMap(ChartedShadowMap):
     """
 
     resolution: int = 2048
-    falloff: str = "shaped"
+    _: KW_ONLY
+    falloff: Falloff = "shaped"
     compare: Compare = "depth"
     bias: float = BIAS
 
@@ -40,10 +44,7 @@ class LightSpaceShadowMap(ChartedShadowMap):
 
     def __check_init__(self):
         self._check()
-        require(
-            self.falloff in ("sine", "shaped", "none"),
-            f"falloff='{self.falloff}' is not known; allowed: sine, shaped, none.",
-        )
+        check_choice("falloff", self.falloff, get_args(Falloff))
 
     def most_charts(self, faces: int) -> int:
         return faces

@@ -1,16 +1,19 @@
 """Logarithmic shadow maps: texels in proportion to the eye's pixels."""
 
-from typing import ClassVar
+from dataclasses import KW_ONLY
+from typing import ClassVar, Literal, get_args
 
 import numpy as np
 
 from asmjax.buffers import EyeBuffer
-from asmjax.errors import require
+from asmjax.errors import check_choice, require
 from asmjax.geometry import Chart, LightFrame
 from asmjax.shadow.comparison import BIAS, Compare
 from asmjax.shadow.warped.body import bodies
 from asmjax.shadow.warped.charted import ChartedShadowMap
 from asmjax.shadow.warped.fit import perspective, rectangle
+
+Across = Literal["perspective", "uniform"]
 
 
 class LogarithmicShadowMap(ChartedShadowMap):
@@ -28,7 +31,8 @@ class LogarithmicShadowMap(ChartedShadowMap):
     """
 
     resolution: int = 2048
-    across: str = "perspective"
+    _: KW_ONLY
+    across: Across = "perspective"
     ratio: float = np.inf
     compare: Compare = "depth"
     bias: float = BIAS
@@ -38,10 +42,7 @@ class LogarithmicShadowMap(ChartedShadowMap):
 
     def __check_init__(self):
         self._check()
-        require(
-            self.across in ("perspective", "uniform"),
-            f"across='{self.across}' is not known; allowed: perspective, uniform.",
-        )
+        check_choice("across", self.across, get_args(Across))
         require(
             self.ratio >= 1,
             f"a ratio of far to near of {self.ratio} is not possible; allowed: 1 or more.",

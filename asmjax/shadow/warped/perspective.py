@@ -1,5 +1,6 @@
 """The perspective shadow map: the eye's own perspective."""
 
+from dataclasses import KW_ONLY
 from typing import ClassVar
 
 from asmjax.buffers import EyeBuffer
@@ -25,6 +26,7 @@ class PerspectiveShadowMap(ChartedShadowMap):
     """
 
     resolution: int = 2048
+    _: KW_ONLY
     slide: float = 0.0
     compare: Compare = "depth"
     bias: float = BIAS

@@ -6,7 +6,7 @@ by side, whatever the angle between light and view, so none needs a warp against
 (TR05-024, section 4).
 """
 
-from dataclasses import replace
+from dataclasses import KW_ONLY, replace
 from typing import ClassVar
 
 import numpy as np
@@ -39,6 +39,7 @@ class SubdividedShadowMap(ChartedShadowMap):
     """
 
     resolution: int = 2048
+    _: KW_ONLY
     parts: int = 2
     strength: float = 0.0
     compare: Compare = "depth"

@@ -1,5 +1,6 @@
 """The trapezoidal shadow map: 80 % of the rows for what is in focus."""
 
+from dataclasses import KW_ONLY
 from typing import ClassVar
 
 import numpy as np
@@ -27,6 +28,7 @@ class TrapezoidalShadowMap(ChartedShadowMap):
     """
 
     resolution: int = 2048
+    _: KW_ONLY
     focus: float | None = None
     compare: Compare = "depth"
     bias: float = BIAS

@@ -1,7 +1,7 @@
 """Tuned maps: warp strengths, splits and shares of texels of least predicted error."""
 
 import time
-from dataclasses import dataclass, replace
+from dataclasses import KW_ONLY, dataclass, replace
 from typing import ClassVar, get_args
 
 import jax
@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from asmjax.buffers import EyeBuffer
-from asmjax.errors import require
+from asmjax.errors import check_choice, require
 from asmjax.geometry import Chart, LightFrame, laid_out
 from asmjax.shadow.comparison import BIAS, Compare
 from asmjax.shadow.warped.body import Body, bodies
@@ -29,6 +29,7 @@ from asmjax.shadow.warped.tune import POWER, Rest, tuned_layout
 from asmjax.shadow.warped.z_partition import (
     MOST_PARTITIONS,
     PartitionedShadowMap,
+    Warp,
     in_slab,
     joined,
     split_depths,
@@ -77,8 +78,9 @@ class TunedShadowMap(ChartedShadowMap):
     """
 
     resolution: int = 2048
+    _: KW_ONLY
     partitions: int = 4
-    warp: str = "light-space"
+    warp: Warp = "light-space"
     power: float = POWER
     measure: Measure = "m"
     compare: Compare = "depth"
@@ -95,18 +97,12 @@ class TunedShadowMap(ChartedShadowMap):
             1 <= self.partitions <= MOST_PARTITIONS,
             f"{self.partitions} partitions are not possible; allowed: 1 to {MOST_PARTITIONS}.",
         )
-        require(
-            self.warp in ("none", "light-space"),
-            f"warp='{self.warp}' is not known; allowed: none, light-space.",
-        )
+        check_choice("warp", self.warp, get_args(Warp))
         require(
             1 <= self.power <= 64,
             f"a mean of power {self.power} is not possible; allowed: 1 to 64.",
         )
-        require(
-            self.measure in get_args(Measure),
-            f"measure='{self.measure}' is not known; allowed: {', '.join(get_args(Measure))}.",
-        )
+        check_choice("measure", self.measure, get_args(Measure))
 
     @property
     def name(self) -> str:

@@ -1,18 +1,20 @@
 """Maps partitioned along the view: cascades with practical, logarithmic or visible-depth splits."""
 
-from dataclasses import replace
-from typing import ClassVar
+from dataclasses import KW_ONLY, replace
+from typing import ClassVar, Literal, get_args
 
 import numpy as np
 
 from asmjax.buffers import BLUR, EyeBuffer
-from asmjax.errors import require
+from asmjax.errors import check_choice, require
 from asmjax.geometry import Chart, LightFrame
 from asmjax.shadow.comparison import BIAS, Compare
 from asmjax.shadow.warped.body import Body, bodies
 from asmjax.shadow.warped.charted import ChartedShadowMap
 from asmjax.shadow.warped.fit import perspective, rectangle, whole_face
 from asmjax.shadow.warped.strength import half_view, light_space_n
+
+Warp = Literal["none", "light-space"]
 
 MOST_PARTITIONS = 16
 
@@ -44,11 +46,12 @@ class PartitionedShadowMap(ChartedShadowMap):
     """
 
     resolution: int = 2048
+    _: KW_ONLY
     partitions: int = 4
     blend: float = 1.0
     near: float | None = None
     far: float | None = None
-    warp: str = "none"
+    warp: Warp = "none"
     compare: Compare = "depth"
     bias: float = BIAS
 
@@ -76,10 +79,7 @@ class PartitionedShadowMap(ChartedShadowMap):
             self.far is None or self.far > (self.near or 0),
             f"splits from {self.near} to {self.far} are empty; allowed: far beyond near, or none.",
         )
-        require(
-            self.warp in ("none", "light-space"),
-            f"warp='{self.warp}' is not known; allowed: none, light-space.",
-        )
+        check_choice("warp", self.warp, get_args(Warp))
 
     @property
     def name(self) -> str:
