@@ -20,10 +20,10 @@ run: setup
 test: setup
 	@$(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder -q $(ARGS)
 
-# Ten times as much of what chance finds: hard cases, hostile files, properties.
+# Ten times as much of what chance finds, in parts, and a table of what each took; some of them:
+#   make test-hard ARGS="hard_cases hostile"
 test-hard: setup
-	@ASMJAX_TEST_HARD=1 HYPOTHESIS_PROFILE=$${HYPOTHESIS_PROFILE:-hard} \
-	    $(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder -q --timeout 3600 $(ARGS)
+	@$(BIN)/python scripts/test_hard.py $(ARGS)
 
 lint: setup
 	@$(BIN)/ruff check .
