@@ -8,9 +8,11 @@ from scipy.stats import qmc
 
 from asmjax.numerics import in_float64
 from asmjax.tuning.goal import Goal
+from asmjax.tuning.proposals import promising
 from asmjax.tuning.result import FrontPoint, Sensitivity
 from asmjax.tuning.search import (
     REST,
+    Found,
     Model,
     boxed,
     loss,
@@ -34,14 +36,12 @@ FLAT = 1e-3
 """Directions in which the objective bends less than this part of the most do not move: settings
 that do nothing there have no best value."""
 
-STARTS = 6
-"""Of the searches at each price that continuation is compared with."""
+STARTS = 2
+"""Of the searches at each price that continuation is compared with, as of tuning's own: of the best
+measured, and of the best by the surrogate."""
 
-FOLLOWED = 2
-"""Of those, how many are gone on with."""
-
-OWN_STARTS, OWN_FOLLOWED = 24, 8
-"""The same of continuation's searches."""
+OWN_STARTS, OWN_FOLLOWED = 12, 4
+"""Of continuation's searches at each price, and how many are gone on with."""
 
 VALLEYS = 3
 """Ends of searches for other prices that are tried at each."""
@@ -50,11 +50,15 @@ APART = (0.2, 0.6)
 """Least distance of starts, in sides of the box, half of them each: near ones mostly end in the
 same valley, but the best points lie close together, and not all in the best valley."""
 
-SCREENED = 512
-"""Random points of which those searches start from the best."""
+SCREENED = 2048
+"""Random points that the surrogate is asked about before the best of them breed."""
 
-OWN_SCREENED = 4096
-"""The same of continuation's searches: valleys are narrow."""
+GENERATIONS, CHILDREN, PARENTS = 10, 256, 24
+"""Of what the surrogate is asked besides, children of a generation, and their parents for each
+price: valleys are too narrow for random points alone."""
+
+JUMP, JUMPS = 0.15, 0.2
+"""Spread of random changes of children, in sides of the box, and the part of numbers so changed."""
 
 STILL = (TEMPERATURE,)
 """Temperatures of a search that keeps to the valley where it begins."""
@@ -132,24 +136,28 @@ def trace_front(
     price there.
 
     Each next optimum is predicted by the last one's sensitivity and corrected by searches, from
-    there and from the best known points for its price. Then the ends of all searches for other
-    prices are tried at each, as a curve may fold. At last each is compared with searches from
-    points that the curve knows nothing of, and where those are better they stand in its place.
+    there and from the best known points for its price, and the ends of all searches for other
+    prices are tried at each, as a curve may fold. It is compared with searching each price anew
+    as tuning does; of what that finds the curve knows the middle and, at each price, that of the
+    others. Where the search anew is better it stands in the curve's place.
 
     Args:
-        tried: (k, knobs) points that may be good.
+        tried: (k, knobs) points that were measured.
         seed: of random points.
     """
     prices = price * np.geomspace(1 / SPAN, SPAN, POINTS)
     drawn = qmc.Sobol(len(NAMES), seed=seed)  # pyright: ignore[reportCallIssue]
-    own, others = drawn.random(OWN_SCREENED), drawn.random(SCREENED)
-    known = _Screened(model, np.concatenate([tried, own]))
-    curve = _curve(model, prices, known)
-    elsewhere = _Screened(model, others)
-    front = [
-        _front_point(model, float(price), *curve[k], elsewhere) for k, price in enumerate(prices)
-    ]
-    return sensitivity(model, price, curve[POINTS // 2][0]), tuple(front)
+    known = _Screened(model, tried)
+    again = [_anew(model, known, one, seed) for one in prices.tolist()]
+    known.add(model, drawn.random(SCREENED))
+    _breed(model, known, prices, np.random.default_rng(seed))
+    curve = _Curve(model, prices)
+    curve.correct(POINTS // 2, [again[POINTS // 2].points[0]])
+    curve.follow(known)
+    for k in range(POINTS):
+        curve.correct(k, [found.points[0] for j, found in enumerate(again) if j != k])
+    front = [_front_point(model, *curve.at(k), again[k]) for k in range(POINTS)]
+    return sensitivity(model, price, curve.points[POINTS // 2]), tuple(front)
 
 
 class _Screened:
@@ -158,10 +166,17 @@ class _Screened:
     def __init__(self, model: Model, points: np.ndarray):
         self.points, self.said = points, said_of(model, points)
 
+    def ordered(self, price: float) -> np.ndarray:
+        """Numbers of all, the best for a price first."""
+        return np.argsort(self.said[0] + price * self.said[1], kind="stable")
+
+    def add(self, model: Model, points: np.ndarray) -> None:
+        self.points = np.concatenate([self.points, points])
+        self.said = np.concatenate([self.said, said_of(model, points)], axis=1)
+
     def best(self, price: float, count: int) -> list[np.ndarray]:
         """So many of the best for a price, `APART` from one another."""
-        objective = self.said[0] + price * self.said[1]
-        ordered = self.points[np.argsort(objective, kind="stable")]
+        ordered = self.points[self.ordered(price)]
         chosen: list[np.ndarray] = []
         for part, apart in enumerate(APART, start=1):
             for point in ordered:
@@ -172,40 +187,79 @@ class _Screened:
         return chosen
 
 
-def _curve(
-    model: Model, prices: np.ndarray, known: _Screened
-) -> dict[int, tuple[np.ndarray, float]]:
-    """Optima and their log objectives by the number of their price, by continuation."""
-    middle = len(prices) // 2
-    curve: dict[int, tuple[np.ndarray, float]] = {}
-    ends: list[np.ndarray] = []
+def _anew(model: Model, tried: _Screened, price: float, seed: int) -> Found:
+    """The search that tuning would do for a price."""
+    goal = Goal(price=price)
+    best = tried.points[tried.ordered(price)[:STARTS]]
+    return search(model, goal, [*best, *promising(model, goal, STARTS, seed)])
 
-    def correct(k: int, starts: list[np.ndarray], temperatures=STILL, followed=None) -> None:
-        found = search(model, Goal(price=float(prices[k])), starts, temperatures, followed)
-        ends.extend(found.points)
-        if k not in curve or found.losses[0] < curve[k][1]:
-            curve[k] = found.points[0], float(found.losses[0])
 
-    # Out to either end from the middle.
-    correct(middle, known.best(prices[middle], OWN_STARTS), COOLING, OWN_FOLLOWED)
-    for k in (*range(middle + 1, len(prices)), *range(middle - 1, -1, -1)):
-        beside = k - 1 if k > middle else k + 1
-        here, ratio = curve[beside][0], np.log(prices[k] / prices[beside])
-        step, _ = direction(model, float(prices[beside]), here)
-        predicted = np.asarray(boxed(unboxed(here) + ratio * step))
-        correct(k, [predicted])
-        correct(k, known.best(prices[k], OWN_STARTS), COOLING, OWN_FOLLOWED)
-    # A valley that is second best at one price may be the best at another.
-    valleys = _Screened(model, np.stack(ends))
-    for k, price in enumerate(prices):
-        correct(k, valleys.best(float(price), VALLEYS))
-    return curve
+def _breed(
+    model: Model, known: _Screened, prices: np.ndarray, generator: np.random.Generator
+) -> None:
+    """Add `GENERATIONS` of children of what is best for any of the prices: each number is one of
+    two parents', and some jump."""
+    for _ in range(GENERATIONS):
+        best = np.concatenate([known.ordered(price)[:PARENTS] for price in prices.tolist()])
+        parents = known.points[np.unique(best)]
+        one, other = generator.integers(len(parents), size=(2, CHILDREN))
+        shape = CHILDREN, parents.shape[1]
+        children = np.where(generator.random(shape) < 0.5, parents[one], parents[other])
+        jumps = JUMP * generator.standard_normal(shape) * (generator.random(shape) < JUMPS)
+        known.add(model, np.clip(children + jumps, 0.0, 1.0))
+
+
+class _Curve:
+    """Optima along prices, by continuation.
+
+    Attributes:
+        points: (knobs,) the best found for the price of each number.
+        losses: their log objectives.
+    """
+
+    def __init__(self, model: Model, prices: np.ndarray):
+        self.model, self.prices = model, prices.tolist()
+        self.points: dict[int, np.ndarray] = {}
+        self.losses: dict[int, float] = {}
+        self._ends: list[np.ndarray] = []
+
+    def at(self, k: int) -> tuple[float, np.ndarray, float]:
+        """Price, point and loss."""
+        return self.prices[k], self.points[k], self.losses[k]
+
+    def correct(self, k: int, starts: list[np.ndarray], temperatures=STILL, followed=None) -> None:
+        """Search for one price, and keep what is better than what is known."""
+        found = search(self.model, Goal(price=self.prices[k]), starts, temperatures, followed)
+        self._ends.extend(found.points)
+        if k not in self.losses or found.losses[0] < self.losses[k]:
+            self.points[k], self.losses[k] = found.points[0], float(found.losses[0])
+
+    def follow(self, known: _Screened) -> None:
+        """From the middle price out to either end."""
+
+        def search_afresh(k: int) -> None:
+            self.correct(k, known.best(self.prices[k], OWN_STARTS), COOLING, OWN_FOLLOWED)
+
+        middle = len(self.prices) // 2
+        search_afresh(middle)
+        for k in (*range(middle + 1, len(self.prices)), *range(middle - 1, -1, -1)):
+            self.correct(k, [self._predicted(k, beside=k - 1 if k > middle else k + 1)])
+            search_afresh(k)
+        # A valley that is second best at one price may be the best at another.
+        valleys = _Screened(self.model, np.stack(self._ends))
+        for k, price in enumerate(self.prices):
+            self.correct(k, valleys.best(price, VALLEYS))
+
+    def _predicted(self, k: int, beside: int) -> np.ndarray:
+        """The optimum at one price by the sensitivity of that beside it."""
+        here, price = self.points[beside], self.prices[beside]
+        step, _ = direction(self.model, price, here)
+        return np.asarray(boxed(unboxed(here) + np.log(self.prices[k] / price) * step))
 
 
 def _front_point(
-    model: Model, price: float, point: np.ndarray, loss: float, elsewhere: _Screened
+    model: Model, price: float, point: np.ndarray, loss: float, again: Found
 ) -> FrontPoint:
-    again = search(model, Goal(price=price), elsewhere.best(price, STARTS), COOLING, FOLLOWED)
     if again.losses[0] < loss:
         point = again.points[0]
     edge, seconds = said_of(model, point[None])[:, 0]
