@@ -3,6 +3,7 @@
 import logging
 import time
 import types
+from dataclasses import replace
 
 import jax
 import jax.numpy as jnp
@@ -14,8 +15,17 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from scipy.optimize import least_squares
 
+import asmjax
 from asmjax.errors import UseError
-from asmjax.shadow.adaptive import CostModel, calibrate, cost_model, fit_cost_model
+from asmjax.shadow import AdaptiveShadowMap, Status
+from asmjax.shadow.adaptive import (
+    TYPICAL,
+    CostModel,
+    asm,
+    calibrate,
+    cost_model,
+    fit_cost_model,
+)
 from asmjax.shadow.adaptive.cost_model import SIDES, TRUSTED, time_sizes
 
 TEXELS = np.square(np.array(SIDES, float))
@@ -237,3 +247,33 @@ def test_calibration_of_real_rays():
     case = analytic_case("a4_disc_light", 64)
     model = calibrate(case.rays, case.frame, sides=(8, 16, 32), repeats=1)
     assert isinstance(model, CostModel) and model.seconds(64**2) > 0
+
+
+def never(*_):
+    raise AssertionError("the machine was timed")
+
+
+def test_a_plain_build_times_nothing_and_is_the_same_every_time(monkeypatch):
+    """Under a memory limit, which makes the order of nodes decide."""
+    monkeypatch.setattr(asm, "calibrate", never)
+    case = analytic_case("a4_disc_light", 64)
+    plain = AdaptiveShadowMap(memory_bytes=2**17)
+    first, second = (plain.build(case.eye, case.frame, case.rays) for _ in range(2))
+    assert plain.status(first) is Status.MEMORY_LIMIT
+    for a, b in zip(jax.tree.leaves(first.tree), jax.tree.leaves(second.tree), strict=True):
+        assert np.array_equal(a, b)
+    assert first.host.cost_model is TYPICAL
+
+
+def test_a_build_with_a_time_limit_calibrates_unless_it_is_told(monkeypatch):
+    monkeypatch.setattr(asm, "calibrate", never)
+    case = analytic_case("a4_disc_light", 64)
+    limited = AdaptiveShadowMap(memory_bytes=2**17, time_limit=60.0)
+    with pytest.raises(AssertionError, match="was timed"):
+        limited.build(case.eye, case.frame, case.rays)
+    told = replace(limited, cost_model=CostModel(A, B, 0.0))
+    assert told.build(case.eye, case.frame, case.rays).host.cost_model is told.cost_model
+
+
+def test_calibrate_is_at_the_top():
+    assert asmjax.calibrate is calibrate

@@ -8,12 +8,13 @@ from asmjax.shadow.adaptive.calibration_store import (
     kept_or_measured,
     on_this_machine,
 )
-from asmjax.shadow.adaptive.cost_model import CostModel, calibrate, fit_cost_model
+from asmjax.shadow.adaptive.cost_model import TYPICAL, CostModel, calibrate, fit_cost_model
 from asmjax.shadow.adaptive.presets import PRESETS, preset
 from asmjax.shadow.adaptive.state import AdaptiveState
 
 __all__ = [
     "PRESETS",
+    "TYPICAL",
     "AdaptiveShadowMap",
     "AdaptiveState",
     "Calibrated",

@@ -21,7 +21,7 @@ from asmjax.memory import Memory
 from asmjax.shadow.adaptive.address import address_of
 from asmjax.shadow.adaptive.around import PagedNeighbourhood, placed
 from asmjax.shadow.adaptive.attention import compile_attention
-from asmjax.shadow.adaptive.cost_model import CostModel, calibrate
+from asmjax.shadow.adaptive.cost_model import TYPICAL, CostModel, calibrate
 from asmjax.shadow.adaptive.look import Goals, Measure, compile_looks
 from asmjax.shadow.adaptive.motion import touched
 from asmjax.shadow.adaptive.page_table import warm_tables
@@ -84,7 +84,9 @@ class AdaptiveShadowMap(ShadowAlgorithm[AdaptiveState]):
         finest_ratio: memory still left is spent on finer texels along the edges down to this
             texel / pixel size; equal to `ratio_target` spends nothing.
         max_passes: passes of one stage of refinement, of which there are two to five.
-        cost_model: calibrated costs; None calibrates in `build`.
+        cost_model: what casting texels costs. None is `TYPICAL`, and every build is like the other;
+            with a time limit `build` calibrates, which takes half a second: keep what
+            `asmjax.calibrate` gives for further builds.
     """
 
     _: KW_ONLY
@@ -157,7 +159,7 @@ class AdaptiveShadowMap(ShadowAlgorithm[AdaptiveState]):
 
     def build(self, view: EyeBuffer, frame: LightFrame, rays: LightRays) -> AdaptiveState:
         """Raises `UseError` where the memory limit does not hold one node per face."""
-        cost_model = self.cost_model or calibrate(rays, frame)
+        cost_model = self._costs(frame, rays)
         start = time.perf_counter()
         shape = self.tree_shape(frame.faces)
         refiner = Refiner(
@@ -241,6 +243,11 @@ class AdaptiveShadowMap(ShadowAlgorithm[AdaptiveState]):
         )
         tree = jax.tree.map(lambda part: part.copy(), state.tree)
         return AdaptiveState(tree, state.frame, state.shape, host)
+
+    def _costs(self, frame: LightFrame, rays: LightRays) -> CostModel:
+        if self.cost_model is not None:
+            return self.cost_model
+        return TYPICAL if self.time_limit is None else calibrate(rays, frame)
 
     def _state(self, refiner: Refiner) -> AdaptiveState:
         host = HostSide(refiner.pool, refiner.cost_model, refiner.log, refiner.view.camera)
