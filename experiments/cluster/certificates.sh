@@ -16,11 +16,13 @@ openssl x509 -req -in request.pem -CA ca.pem -CAkey ca-key.pem -CAcreateserial -
   -out cert.pem 2>/dev/null
 rm request.pem
 
+# The folder's name may hold anything.
+here=$(printf %q "$PWD")
 cat > settings.sh <<END
 # source this before dask and asmjax
 tls=DASK_DISTRIBUTED__COMM__TLS
-export \${tls}__CA_FILE=$PWD/ca.pem DASK_DISTRIBUTED__COMM__REQUIRE_ENCRYPTION=True
+export \${tls}__CA_FILE=$here/ca.pem DASK_DISTRIBUTED__COMM__REQUIRE_ENCRYPTION=True
 for role in SCHEDULER WORKER CLIENT; do
-  export \${tls}__\${role}__CERT=$PWD/cert.pem \${tls}__\${role}__KEY=$PWD/key.pem
+  export \${tls}__\${role}__CERT=$here/cert.pem \${tls}__\${role}__KEY=$here/key.pem
 done
 END

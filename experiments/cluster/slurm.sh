@@ -17,15 +17,22 @@ job=$PWD/out/slurm-$SLURM_JOB_ID
 experiments/cluster/certificates.sh "$job/tls"
 source "$job/tls/settings.sh"
 
-dask scheduler --protocol tls --port 0 --no-dashboard --scheduler-file "$job/scheduler.json" &
+# Without a dashboard dask serves pages all the same, to everybody unless it is told where.
+quiet=(--no-dashboard --dashboard-address 127.0.0.1:0)
+dask scheduler --protocol tls --port 0 --scheduler-file "$job/scheduler.json" "${quiet[@]}" &
 scheduler=$!
-trap 'kill "$scheduler" 2>/dev/null; rm -rf "$job"' EXIT
-until [ -s "$job/scheduler.json" ]; do sleep 1; done
+trap 'kill "$scheduler" 2>/dev/null || true; rm -rf "$job"' EXIT
+until [ -s "$job/scheduler.json" ]; do
+  kill -0 "$scheduler" 2>/dev/null || { echo "the scheduler ended" >&2; exit 1; }
+  sleep 1
+done
 
 # A worker is a small process; the one that it starts for trials is pinned to a CPU of its task.
 srun --overlap dask worker --scheduler-file "$job/scheduler.json" --protocol tls \
-  --nworkers 1 --nthreads 1 --memory-limit 0 --no-dashboard --death-timeout 60 \
-  --local-directory "${TMPDIR:-/tmp}" &
+  --nworkers 1 --nthreads 1 --memory-limit 0 --death-timeout 60 \
+  --local-directory "${TMPDIR:-/tmp}" "${quiet[@]}" &
 
-# A time limit may end it at any point: what is kept is kept.
-asmjax sweep "$config" --scheduler-file "$job/scheduler.json"
+# What a task has of memory is its trial's, but for its worker. A time limit may end the sweep at any
+# point: what is kept is kept.
+asmjax sweep "$config" --scheduler-file "$job/scheduler.json" \
+  ${SLURM_MEM_PER_CPU:+--max-memory $((SLURM_MEM_PER_CPU - 300))}
