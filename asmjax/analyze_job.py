@@ -3,9 +3,11 @@
 import logging
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 
 from tqdm import tqdm
 
+from asmjax.delivery import deliver
 from asmjax.errors import UseError, require
 from asmjax.experiment import Measured, measure
 from asmjax.experiment.aliasing import aliasing_maps, aliasing_numbers
@@ -19,6 +21,7 @@ from asmjax.experiment.light_angles import (
 )
 from asmjax.experiment.settings_range import ADAPTIVE, families_of
 from asmjax.experiment.soft_rays import answers_softly, calls_for_soft_truth
+from asmjax.folders import results_folder
 from asmjax.job_memory import Sight, analyze_stages
 from asmjax.memory import Stage
 from asmjax.options import AnalyzeOptions
@@ -29,12 +32,10 @@ from asmjax.preparation import (
     Subject,
     calibrated,
     chosen_maps,
-    make_folder,
-    results_folder,
     subject_of,
 )
 from asmjax.report.analyze_files import write_analysis
-from asmjax.report.analyze_record import Analysed, AnalysisResult, LightSweep
+from asmjax.report.analyze_record import Analysed, AnalysisResult, LightSweep, report_of_analysis
 from asmjax.report.analyze_table import analysis_table
 from asmjax.shadow import (
     ShadowAlgorithm,
@@ -55,22 +56,18 @@ def run_analysis(options: AnalyzeOptions) -> AnalysisResult:
     Raises:
         UseError: wrong options or a scene that cannot be used; nothing is written then.
     """
-    folder = results_folder(options)
+    outputs = results_folder(options)
     steps = _STEPS + len(families_of(options.methods)) + options.angles
     with tqdm(total=steps, disable=options.quiet or None, leave=False, unit="step") as bar:
         progress = StepBar(bar)
         result = analyse_scene(options, progress)
         progress("figures")
-        make_folder(folder)
-        report = write_analysis(
-            result, folder, seed=options.seed, save_arrays=options.save_arrays
-        )  # fmt: skip
-        bar.update()
-    for notice in report["notices"][len(result.notices) :]:
-        _log.warning("%s", notice)
-    if not options.quiet:
-        print(analysis_table(report["methods"]))
-        print(f"report and figures: {folder}/")
+        report = report_of_analysis(result, options.seed)
+        for notice in report["notices"][len(result.notices) :]:
+            _log.warning("%s", notice)
+        write = partial(write_analysis, result, report, outputs, save_arrays=options.save_arrays)
+        table = analysis_table(report["methods"])
+        deliver(table, write, outputs, bar, quiet=options.quiet)
     return result
 
 

@@ -5,11 +5,13 @@ import logging
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
+from functools import partial
 from itertools import groupby
 from typing import Any, NamedTuple
 
 from tqdm import tqdm
 
+from asmjax.delivery import deliver
 from asmjax.errors import UseError, require, unknown_name
 from asmjax.experiment.bench import Bench
 from asmjax.experiment.comparison import Compared, common_yardstick, pooled
@@ -23,6 +25,7 @@ from asmjax.experiment.settings_range import (
 )
 from asmjax.experiment.soft_rays import SOFT_REPEATS, SOFT_STRATA, calls_for_soft_truth
 from asmjax.experiment.trial import Trial
+from asmjax.folders import kept_measurements, results_folder
 from asmjax.job_memory import Sight, held_besides, trial_stages
 from asmjax.memory import Forecast, Stage, check, limit_of
 from asmjax.options import CompareOptions
@@ -33,14 +36,12 @@ from asmjax.preparation import (
     check_edges,
     chosen_maps,
     chosen_view,
-    kept_measurements,
-    make_folder,
-    results_folder,
     sight_of,
     sized,
 )
 from asmjax.render.load import Scene, load_scene
 from asmjax.report.compare_files import write_comparison
+from asmjax.report.compare_record import report_of_comparison
 from asmjax.report.compare_result import ComparisonResult, SeenView
 from asmjax.report.compare_table import comparison_text
 from asmjax.report.measured import light_text
@@ -73,27 +74,29 @@ def run_comparison(options: CompareOptions) -> ComparisonResult:
             measurements that cannot be kept.
         KeyboardInterrupt: with a message that says where the finished trials are.
     """
-    folder = results_folder(options)
+    outputs = results_folder(options)
     with tqdm(disable=options.quiet or None, leave=False, unit="trial") as bar:
         bar.set_description("scene")
         comparing = Comparing(options)
-        make_folder(folder)
-        result = comparing.measured(kept_measurements(folder, options.fresh), bar)
+        outputs.make()
+        result = comparing.measured(kept_measurements(outputs.path, options.fresh), bar)
         if not result.trials:
             with contextlib.suppress(OSError):
-                folder.rmdir()
+                outputs.path.rmdir()
             raise KeyboardInterrupt("no trial was finished")
         bar.set_description("figures")
-        write_comparison(result, folder, seed=options.seed)
-    for notice in result.notices[len(comparing.scene.notices) :]:
-        _log.warning("%s", notice)
-    if not options.quiet:
-        print(comparison_text(result))
-        print(f"\nmeasurements: {result.made} made, {result.reused} taken from an earlier run")
-        print(f"report and figures: {folder}/")
+        for notice in result.notices[len(comparing.scene.notices) :]:
+            _log.warning("%s", notice)
+        text = (
+            f"{comparison_text(result)}\n\n"
+            f"measurements: {result.made} made, {result.reused} taken from an earlier run"
+        )
+        report = report_of_comparison(result, options.seed)
+        write = partial(write_comparison, result, report, outputs)
+        deliver(text, write, outputs, bar, quiet=options.quiet)
     if result.ended == "interrupted":
         raise KeyboardInterrupt(
-            f"{len(result.trials)} of {result.asked} trials are in {folder}/; the same command "
+            f"{len(result.trials)} of {result.asked} trials are in {outputs}/; the same command "
             "goes on from there"
         )
     return result
@@ -116,17 +119,17 @@ def compare(scene: str = "paper_room", *, quiet: bool = True, **options: Any) ->
             raise unknown_name("option", name, known)
     chosen = CompareOptions(scene=scene, quiet=quiet, **options)
     comparing = Comparing(chosen)
-    folder = None
+    outputs = None
     if chosen.out is not None:
-        folder = results_folder(chosen)
-        make_folder(folder)
-    ledger = Ledger() if folder is None else kept_measurements(folder, chosen.fresh)
+        outputs = results_folder(chosen)
+        outputs.make()
+    ledger = Ledger() if outputs is None else kept_measurements(outputs.path, chosen.fresh)
     with tqdm(disable=quiet, leave=False, unit="trial") as bar:
         result = comparing.measured(ledger, bar)
-    if folder is not None and result.trials:
-        write_comparison(result, folder, seed=chosen.seed)
+    if outputs is not None and result.trials:
+        write_comparison(result, report_of_comparison(result, chosen.seed), outputs)
     if result.ended == "interrupted":
-        raise KeyboardInterrupt("" if folder is None else f"what is finished is in {folder}/")
+        raise KeyboardInterrupt("" if outputs is None else f"what is finished is in {outputs}/")
     return result
 
 

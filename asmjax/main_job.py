@@ -2,12 +2,15 @@
 
 import logging
 from dataclasses import replace
+from functools import partial
 
 from tqdm import tqdm
 
+from asmjax.delivery import deliver
 from asmjax.effects.methods import soft_methods, wants_softness
 from asmjax.experiment import Measured, RunResult, analysis_maps, measure
 from asmjax.experiment.soft_rays import calls_for_soft_truth
+from asmjax.folders import results_folder
 from asmjax.job_memory import Sight, run_stages
 from asmjax.memory import Stage
 from asmjax.options import RunOptions, force_of
@@ -18,13 +21,11 @@ from asmjax.preparation import (
     StepBar,
     calibrated,
     chosen_maps,
-    make_folder,
-    results_folder,
     sight_of,
     subject_of,
 )
 from asmjax.report.plan_table import plan_summary
-from asmjax.report.run_files import write_results
+from asmjax.report.run_files import report_of, write_results
 from asmjax.report.table import comparison_table
 from asmjax.shadow import UniformShadowMap, resolution_for
 
@@ -40,24 +41,26 @@ def run_main_job(options: RunOptions) -> RunResult:
     Raises:
         UseError: wrong options or a scene that cannot be used; nothing is written then.
     """
-    folder = results_folder(options)
+    outputs = results_folder(options)
     chosen = chosen_maps(options)
     steps = _STEPS + (chosen.other is not None)
     with tqdm(total=steps, disable=options.quiet or None, leave=False, unit="step") as bar:
         result = measure_scene(options, progress=StepBar(bar))
         bar.set_description("figures")
-        make_folder(folder)
-        report = write_results(result, folder, seed=options.seed, save_arrays=options.save_arrays)
-        bar.update()
-    for notice in report["notices"][len(result.notices) :]:
-        _log.warning("%s", notice)
-    if not options.quiet:
-        print(comparison_table(report["methods"]))
-        print(plan_summary(report["plan"]))
-        if not any(row["faces"] for row in report["plan"]["decisions"]):
-            print("hard maps and truth are measured all the same, to compare")
-        print(f"report and figures: {folder}/")
+        report = report_of(result, options.seed)
+        for notice in report["notices"][len(result.notices) :]:
+            _log.warning("%s", notice)
+        write = partial(write_results, result, report, outputs, save_arrays=options.save_arrays)
+        deliver(_text(report), write, outputs, bar, quiet=options.quiet)
     return result
+
+
+def _text(report: dict) -> str:
+    """The table, and what the plan says of it."""
+    lines = [comparison_table(report["methods"]), plan_summary(report["plan"])]
+    if not any(row["faces"] for row in report["plan"]["decisions"]):
+        lines.append("hard maps and truth are measured all the same, to compare")
+    return "\n".join(lines)
 
 
 def measure_scene(options: RunOptions, progress: Progress = lambda _: None) -> RunResult:

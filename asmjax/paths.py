@@ -1,10 +1,13 @@
 """Files: one cache folder per user for what may be forgotten, the key of this CPU, whole writes."""
 
+import contextlib
 import hashlib
 import os
 import platform
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
+from typing import BinaryIO
 
 
 def cache_dir() -> Path:
@@ -62,14 +65,16 @@ def keep_text(path: Path, text: str) -> bool:
     return True
 
 
-def write_atomic(path: str | os.PathLike, content: str | bytes) -> None:
-    """Replace the file at `path` in one step that survives a power cut; text becomes UTF-8."""
+@contextlib.contextmanager
+def atomic_file(path: str | os.PathLike) -> Iterator[BinaryIO]:
+    """A new file that takes the place of the one at `path` when the block ends: in one step that
+    survives a power cut. Where the block raises, the old one stays."""
     target = Path(path)
     # Same folder: a rename is atomic only within one file system.
     scratch = target.with_name(f".{target.name}.{os.getpid()}.tmp")
     try:
         with scratch.open("wb") as file:
-            file.write(content.encode() if isinstance(content, str) else content)
+            yield file
             file.flush()
             os.fsync(file.fileno())
         os.replace(scratch, target)
@@ -82,6 +87,12 @@ def write_atomic(path: str | os.PathLike, content: str | bytes) -> None:
             os.fsync(folder)
         finally:
             os.close(folder)
+
+
+def write_atomic(path: str | os.PathLike, content: str | bytes) -> None:
+    """Replace the file at `path` as `atomic_file` does; text becomes UTF-8."""
+    with atomic_file(path) as file:
+        file.write(content.encode() if isinstance(content, str) else content)
 
 
 def folder_bytes(path: Path) -> int:

@@ -1,15 +1,19 @@
 """`asmjax plan`: which shadow effects a scene calls for, and which it does not."""
 
+from functools import partial
+
 from tqdm import tqdm
 
+from asmjax.delivery import deliver
 from asmjax.effects import plan_lights, probe_size
+from asmjax.folders import results_folder
 from asmjax.job_memory import Sight, plan_stages
 from asmjax.memory import check, limit_of
 from asmjax.options import PlanOptions, force_of
 from asmjax.planning import asked_of, known_rates, measured_rates
-from asmjax.preparation import Progress, StepBar, chosen_view, make_folder, results_folder
+from asmjax.preparation import Progress, StepBar, chosen_view
 from asmjax.render.load import load_scene
-from asmjax.report.plan_files import write_plan
+from asmjax.report.plan_files import report_of_plan, write_plan
 from asmjax.report.plan_result import PlanResult
 from asmjax.report.plan_table import plan_table
 from asmjax.shadow import ALGORITHMS
@@ -24,19 +28,15 @@ def run_plan(options: PlanOptions) -> PlanResult:
     Raises:
         UseError: wrong options or a scene that cannot be used; nothing is written then.
     """
-    folder = results_folder(options)
+    outputs = results_folder(options)
     with tqdm(total=_STEPS, disable=options.quiet or None, leave=False, unit="step") as bar:
         progress = StepBar(bar)
         result = plan_scene(options, progress)
         progress("figure")
-        make_folder(folder)
-        write_plan(result, folder, seed=options.seed)
-        bar.update()
-    if not options.quiet:
-        print(plan_table(result.plan))
-        print()
-        print(result.plan.explain())
-        print(f"report and figure: {folder}/")
+        report = report_of_plan(result, options.seed)
+        write = partial(write_plan, result, report, outputs)
+        text = f"{plan_table(result.plan)}\n\n{result.plan.explain()}"
+        deliver(text, write, outputs, bar, quiet=options.quiet, what="report and figure")
     return result
 
 

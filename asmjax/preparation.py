@@ -1,4 +1,4 @@
-"""What every command that measures does first: its folder, its view, its samples, its map."""
+"""What every command that measures does first: its view, its samples, its map."""
 
 import math
 import os
@@ -16,7 +16,6 @@ from asmjax.errors import UseError, require
 from asmjax.experiment import Measured, measure_rays
 from asmjax.experiment.bench import Bench
 from asmjax.experiment.code import code_facts
-from asmjax.experiment.ledger import Ledger
 from asmjax.experiment.soft_rays import SOFT_REPEATS, SOFT_STRATA, soft_truth
 from asmjax.geometry import LightFrame
 from asmjax.job_memory import Sight, held_besides
@@ -24,15 +23,13 @@ from asmjax.machine import keeps_freed_memory
 from asmjax.memory import Forecast, Memory, Stage, check, limit_of
 from asmjax.options import AnalyzeOptions, JobOptions, MapJobOptions, RunOptions, ViewJobOptions
 from asmjax.render.caster import MitsubaRays
+from asmjax.render.content import content_of
 from asmjax.render.load import Scene, load_scene
 from asmjax.render.soft_truth import SoftShadowRays
 from asmjax.scene.path import aimed_at
 from asmjax.scene.spec import LightSpec, ViewSpec
 from asmjax.shadow import AdaptiveShadowMap, CostModel, ShadowAlgorithm, preset, read_settings
 from asmjax.shadow.adaptive import kept_or_measured, on_this_machine
-
-MEASUREMENTS = "measurements.jsonl"
-"""File of finished measurements in the folder of the results."""
 
 AIM_SIDE = 32
 """Side in pixels of the image from which the distance of what a view sees is taken."""
@@ -158,7 +155,7 @@ def bench_of(
     rays = scene.light_rays(options.light)
     return Bench(
         view=view.name,
-        facts=_facts(scene, view, light, samples, options.seed, soft),
+        facts=_facts(scene, view, light, samples, options, soft),
         eyes=eyes,
         frame=frame,
         rays=rays,
@@ -168,7 +165,7 @@ def bench_of(
 
 
 def _facts(
-    scene: Scene, view: ViewSpec, light: LightSpec, samples: int, seed: int, soft: bool
+    scene: Scene, view: ViewSpec, light: LightSpec, samples: int, options: JobOptions, soft: bool
 ) -> dict[str, Any]:
     """What a measurement depends on besides the algorithm, as plain values."""
     geometry = scene.geometry
@@ -177,10 +174,11 @@ def _facts(
     )
     facts = {
         **asdict(where),
+        "content": content_of(options.scene, options.trust_scene),
         "view": asdict(view),
         "light": asdict(light),
         "samples": samples,
-        "seed": seed if samples > 1 or soft else 0,
+        "seed": options.seed if samples > 1 or soft else 0,
         # Where truth is hard measurements keep the keys that they always had.
         **({"soft_truth": [SOFT_STRATA, SOFT_REPEATS]} if soft else {}),
         "keeps_freed_memory": keeps_freed_memory(),
@@ -208,38 +206,6 @@ def check_edges(bench: Bench, scene: Scene) -> None:
         "pixel of edge mean nothing there; choose other views (--view, --views) or another "
         "--light.",
     )
-
-
-def kept_measurements(folder: Path, fresh: bool) -> Ledger:
-    """The measurements in a folder that exists; `fresh` forgets those of earlier runs.
-
-    Raises:
-        UseError: as `Ledger`.
-    """
-    path = folder / MEASUREMENTS
-    if fresh:
-        path.unlink(missing_ok=True)
-    return Ledger(path)
-
-
-def results_folder(options: ViewJobOptions) -> Path:
-    """Where the results go. Raises `UseError` where they cannot; makes nothing yet."""
-    scene = Path(options.scene)
-    # "surface:2.5m" has no suffix to cut off, and a colon does not suit every file system.
-    name = scene.stem if scene.suffix.lower() == ".xml" else scene.name.replace(":", "-")
-    folder = Path(options.out or f"out/{options.command}-{name}")
-    check_writable(folder)
-    return folder
-
-
-def make_folder(folder: Path) -> None:
-    """Make the folder of the results. Raises `UseError` where that is not possible."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as problem:
-        raise UseError(
-            f"cannot write results to '{folder}' ({problem.strerror}); choose another --out."
-        ) from problem
 
 
 def check_writable(folder: Path) -> None:

@@ -5,14 +5,17 @@ import logging
 import time
 from collections.abc import Sequence
 from dataclasses import fields, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from tqdm import tqdm
 
+from asmjax.delivery import deliver
 from asmjax.errors import UseError, require, unknown_name
 from asmjax.experiment.bench import Bench
 from asmjax.experiment.ledger import Ledger
+from asmjax.folders import kept_measurements, results_folder
 from asmjax.job_memory import held_besides, trial_stages
 from asmjax.memory import check, limit_of
 from asmjax.options import PRICE, TuneOptions
@@ -25,16 +28,15 @@ from asmjax.preparation import (
     calibrated,
     check_edges,
     chosen_view,
-    kept_measurements,
-    make_folder,
-    results_folder,
     sight_of,
     sized,
 )
 from asmjax.render.load import Scene, load_scene
 from asmjax.report.compare_result import SeenView
 from asmjax.report.measured import light_text
+from asmjax.report.outputs import Outputs
 from asmjax.report.tune_files import SETTINGS, write_tuning
+from asmjax.report.tune_record import report_of_tuning
 from asmjax.report.tune_result import TuningResult
 from asmjax.report.tune_table import tuning_text
 from asmjax.scene.path import turned
@@ -64,20 +66,24 @@ def run_tuning(options: TuneOptions) -> TuningResult:
         UseError: wrong options or a scene that cannot be used; nothing is written then.
         KeyboardInterrupt: with a message that says where the measurements are.
     """
-    folder = results_folder(options)
+    outputs = results_folder(options)
     with _bar(options, options.quiet or None) as bar:
-        result = _written(options, folder, StepBar(bar))
-    given = len(result.notices) - result.told
-    for notice in result.notices[given:]:
-        _log.warning("%s", notice)
-    if not options.quiet:
-        print(tuning_text(result))
-        print(
-            f"\n{len(result.found.tried)} settings tried in {result.found.seconds:.0f} s; "
+        progress = StepBar(bar)
+        result = _found(options, outputs, progress)
+        progress("figures")
+        given = len(result.notices) - result.told
+        for notice in result.notices[given:]:
+            _log.warning("%s", notice)
+        text = (
+            f"{tuning_text(result)}\n\n"
+            f"{len(result.found.tried)} settings tried in {result.found.seconds:.0f} s; "
             f"measurements: {result.made} made, {result.found.reused} taken from an earlier run"
         )
-        print(f"report, figures and {SETTINGS}: {folder}/")
-    _raise_if_interrupted(result, folder)
+        report = report_of_tuning(result, options.seed)
+        write = partial(write_tuning, result, report, outputs)
+        what = f"report, figures and {SETTINGS}"
+        deliver(text, write, outputs, bar, quiet=options.quiet, what=what)
+    _raise_if_interrupted(result, outputs)
     return result
 
 
@@ -97,10 +103,14 @@ def tune(scene: str = "paper_room", *, quiet: bool = True, **options: Any) -> Tu
         if name not in known:
             raise unknown_name("option", name, known)
     chosen = TuneOptions(scene=scene, quiet=quiet, **options)
-    folder = None if chosen.out is None else results_folder(chosen)
+    outputs = None if chosen.out is None else results_folder(chosen)
     with _bar(chosen, quiet) as bar:
-        result = _written(chosen, folder, StepBar(bar))
-    _raise_if_interrupted(result, folder)
+        progress = StepBar(bar)
+        result = _found(chosen, outputs, progress)
+        progress("figures")
+    if outputs is not None:
+        write_tuning(result, report_of_tuning(result, chosen.seed), outputs)
+    _raise_if_interrupted(result, outputs)
     return result
 
 
@@ -110,22 +120,20 @@ def _bar(options: TuneOptions, disable: bool | None) -> tqdm:
     return tqdm(total=steps, disable=disable, leave=False, unit="step")
 
 
-def _written(options: TuneOptions, folder: Path | None, progress: Progress) -> TuningResult:
-    """What tuning gives, written to a folder if there is one."""
+def _found(options: TuneOptions, outputs: Outputs | None, progress: Progress) -> TuningResult:
+    """What tuning gives, its measurements kept in a folder if there is one."""
     tuning = Tuning(options, progress)
-    if folder is None:
+    if outputs is None:
         return tuning.result(Ledger(), progress)
-    make_folder(folder)
-    result = _kept(tuning, kept_measurements(folder, options.fresh), folder, progress)
-    progress("figures")
-    write_tuning(result, folder, seed=options.seed)
-    return result
+    outputs.make()
+    path = outputs.path
+    return _kept(tuning, kept_measurements(path, options.fresh), path, progress)
 
 
-def _raise_if_interrupted(result: TuningResult, folder: Path | None) -> None:
+def _raise_if_interrupted(result: TuningResult, outputs: Outputs | None) -> None:
     if result.outcome is Outcome.INTERRUPTED:
         raise KeyboardInterrupt(
-            "" if folder is None else f"the best settings so far are in {folder}/; {GO_ON}"
+            "" if outputs is None else f"the best settings so far are in {outputs}/; {GO_ON}"
         )
 
 

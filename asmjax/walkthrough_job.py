@@ -4,14 +4,17 @@ import contextlib
 import logging
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from tqdm import tqdm
 
+from asmjax.delivery import deliver
 from asmjax.effects.plan import with_error
 from asmjax.errors import UseError, require
 from asmjax.experiment import timed
 from asmjax.experiment.walkthrough import FrameInput, FrameResult, Walkthrough
+from asmjax.folders import results_folder
 from asmjax.job_memory import Sight, held_besides, walk_stages
 from asmjax.memory import Forecast, Stage, check, limit_of
 from asmjax.options import RunOptions
@@ -21,8 +24,6 @@ from asmjax.preparation import (
     calibrated,
     chosen_maps,
     chosen_view,
-    make_folder,
-    results_folder,
     sample_offsets,
     sight_of,
     sized,
@@ -55,14 +56,14 @@ def run_walkthrough(options: RunOptions) -> dict:
         UseError: wrong options or a scene that cannot be used.
         KeyboardInterrupt: with a message that says where the finished frames are.
     """
-    folder = results_folder(options)
+    outputs = results_folder(options)
     problem: BaseException | None = None
     bar = tqdm(total=options.frames, disable=options.quiet or None, leave=False, unit="frame")
     with bar:
         bar.set_description("scene")
         walk = Walk(options, bar.set_description)
-        make_folder(folder)
-        files = WalkFiles(walk.setting, folder, save_arrays=options.save_arrays)
+        outputs.make()
+        files = WalkFiles(walk.setting, outputs, save_arrays=options.save_arrays)
         try:
             for result in walk.frames():
                 files.add(result)
@@ -73,18 +74,17 @@ def run_walkthrough(options: RunOptions) -> dict:
         if done == 0:
             assert problem is not None
             with contextlib.suppress(OSError):
-                folder.rmdir()
+                outputs.path.rmdir()
             raise problem
         bar.set_description("figures")
-        report = files.finish(COMPLETE if problem is None else _reason(problem))
-    for notice in report["notices"][len(walk.setting.notices) :]:
-        _log.warning("%s", notice)
-    if not options.quiet:
-        print(walkthrough_table(report["summary"]))
-        print(f"report and figures: {folder}/")
+        report = files.record.report(COMPLETE if problem is None else _reason(problem))
+        for notice in report["notices"][len(walk.setting.notices) :]:
+            _log.warning("%s", notice)
+        table = walkthrough_table(report["summary"])
+        deliver(table, partial(files.finish, report), outputs, bar, quiet=options.quiet)
     if problem is None:
-        return report
-    finished = f"the {done} finished of {walk.setting.frames} frames are in {folder}/"
+        return outputs.report
+    finished = f"the {done} finished of {walk.setting.frames} frames are in {outputs}/"
     if isinstance(problem, KeyboardInterrupt):
         raise KeyboardInterrupt(finished) from problem
     if isinstance(problem, UseError):

@@ -178,9 +178,10 @@ def test_wrong_use_is_one_line_and_leaves_nothing(words, said, tmp_path, capfd):
 
 
 def test_the_default_folder_names_command_and_scene():
-    from asmjax.preparation import results_folder
+    from asmjax.folders import results_folder
 
-    assert results_folder(AnalyzeOptions(scene="a/munich.xml")) == Path("out/analyze-munich")
+    found = results_folder(AnalyzeOptions(scene="a/munich.xml")).path
+    assert found == Path("out/analyze-munich")
 
 
 FAMILIES = ("uniform", "perspective", "light-space", "logarithmic", "partitioned", "subdivided")
@@ -304,7 +305,7 @@ def test_directions_of_light():
 
 def test_theory_knows_what_it_does_not_know():
     """None for other settings and fields of view; the sine falloff is the one of LiSPSM."""
-    seen, angles = ViewRange(50.0, 0.5), np.array([10.0, 60.0, 90.0])
+    seen, angles = ViewRange(50.0, 0.5, 0.5), np.array([10.0, 60.0, 90.0])
 
     def found(algorithm) -> np.ndarray:
         expected = theory_storage(algorithm, seen, angles)
@@ -320,7 +321,22 @@ def test_theory_knows_what_it_does_not_know():
     assert np.isnan(found(SubdividedShadowMap())).tolist() == [True, True, False]
     for other in (PerspectiveShadowMap(slide=1.0), TrapezoidalShadowMap()):
         assert theory_storage(other, seen, angles) is None
-    assert theory_storage(UniformShadowMap(), ViewRange(50.0, 1e-5), angles) is None
+    assert theory_storage(UniformShadowMap(), ViewRange(50.0, 1e-5, 1e-5), angles) is None
+
+
+def test_theory_shapes_warps_by_the_angle_that_maps_go_by():
+    """Half the larger field of view: in an image three times as high as wide, light 15 degrees off
+    the view leaves no warp. Half the width alone, 20 degrees, would leave half of it."""
+    view = ViewSpec("high", (0, 0, 1), (0, 1, 1), fov_x_deg=40, width=24, height=72)
+    eye = analytic_eye([GROUND], view)
+    seen, angle = view_range(eye), np.array([15.0])
+    assert seen.theta == pytest.approx(np.radians(20))
+    assert seen.half_view == pytest.approx(np.arctan(3 * np.tan(np.radians(20))))
+    theirs = theory_storage(LightSpaceShadowMap(), seen, angle)
+    np.testing.assert_allclose(theirs, theory_storage(UniformShadowMap(), seen, angle), rtol=1e-6)
+    frame = ground_case(eye, 15.0).frame
+    (chart,) = LightSpaceShadowMap(64).charts(eye, frame)
+    np.testing.assert_array_equal(chart.to_chart, np.eye(3))
 
 
 @pytest.mark.mitsuba

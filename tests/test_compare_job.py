@@ -17,10 +17,10 @@ from asmjax.experiment import settings_range
 from asmjax.experiment.bench import Bench
 from asmjax.metrics import error_summary, surface_pairs
 from asmjax.options import CompareOptions
-from asmjax.preparation import MEASUREMENTS
 from asmjax.report import InvalidReport, validate_report
 from asmjax.report.compare_schema import COMPARISON_KEYS
 from asmjax.report.keys import key_paths
+from asmjax.report.outputs import MEASUREMENTS
 from asmjax.report.schema import RUN_KEYS
 from asmjax.report.table import MAX_WIDTH
 from asmjax.shadow import UniformShadowMap

@@ -11,7 +11,7 @@ PACKAGE = Path(__file__).parents[1] / "asmjax"
 # Lowest first; what stands in one row may not import its neighbours either.
 LAYERS = [
     {"errors", "paths", "machine", "numerics"},
-    {"memory", "toml_files", "fronts"},
+    {"memory", "toml_files", "fronts", "writing"},
     {"options"},
     {"geometry"},
     {"buffers"},
@@ -27,7 +27,7 @@ LAYERS = [
     {"hard_cases"},
     {"job_memory"},
     {"preparation"},
-    {"planning"},
+    {"planning", "folders", "delivery"},
     {"sweep"},
     {
         "main_job",

@@ -19,7 +19,7 @@ from asmjax import cli
 from asmjax.errors import UseError
 from asmjax.report.figures import write_figures
 from asmjax.report.figures.seen import write_seen
-from asmjax.report.outputs import PAGE, SINGLE_RUN, remove
+from asmjax.report.outputs import PAGE, Outputs
 from asmjax.report.page import SECTIONS, Part, Results, page_of, read_results, write_page
 from asmjax.report.page.chart import Chart, Mark, Point, charts
 from asmjax.report.page.drawing import zero_line
@@ -125,7 +125,7 @@ def test_the_page_stands_in_the_first_folder_until_that_is_used_again(tmp_path):
     folder = write_report(tmp_path / "out", report_of(RUN_SCHEMA))
     assert cli.main(["report", str(folder), "--quiet"]) == 0
     assert (folder / PAGE).is_file()
-    remove(folder, SINGLE_RUN)
+    Outputs(folder, "run").keep(report_of(RUN_SCHEMA))
     assert sorted(path.name for path in folder.iterdir()) == ["report.json"]
 
 

@@ -112,9 +112,12 @@ def test_samples_are_as_many_as_their_maps_have_texels_for():
 def test_what_is_not_simulated_is_in_every_title(tmp_path, monkeypatch):
     """A pane that lets light through is opaque here, and each figure says so."""
     titles = []
-    monkeypatch.setattr(
-        "asmjax.report.run_files.write_figures", lambda pictures, _: titles.append(pictures.title)
-    )
+
+    def no_figures(pictures):
+        titles.append(pictures.title)
+        return {}
+
+    monkeypatch.setattr("asmjax.report.run_files.figure_files", no_figures)
     pane = """<shape type="rectangle"><transform name="to_world"><scale value="1.5"/>
     <translate x="0" y="0" z="2"/></transform><bsdf type="mask"><float name="opacity" value="0.5"/>
     <bsdf type="diffuse"/></bsdf></shape>"""

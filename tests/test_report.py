@@ -34,6 +34,7 @@ from asmjax.report import (
 from asmjax.report.outputs import SINGLE_RUN, WALKTHROUGH
 from asmjax.report.record import plain, report_of_entries
 from asmjax.report.table import MAX_WIDTH, short_count
+from asmjax.writing import WriteError
 
 DOCS = Path(__file__).parents[1] / "docs" / "report.md"
 ARRAYS = ("valid", "position", "truth", "visibility_<method>", *MAP_NAMES)
@@ -271,7 +272,7 @@ def test_a_file_is_written_whole_or_not_at_all(tmp_path, monkeypatch):
     with pytest.raises(InvalidReport, match="b: a complex cannot be stored"):
         write_json(path, {"b": 1j})
     monkeypatch.setattr("os.fsync", _fail)
-    with pytest.raises(OSError, match="disk full"):
+    with pytest.raises(WriteError, match=r"report.json' \(disk full\); choose another --out"):
         write_json(path, {"c": 1})
     assert json.loads(path.read_text()) == {"a": 1}
     assert list(tmp_path.iterdir()) == [path]

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from asmjax.errors import UseError
+from asmjax.folders import results_folder
 from asmjax.geometry import fixed_frame, in_domain
 from asmjax.options import RunOptions
-from asmjax.preparation import results_folder
 from asmjax.render.load import load_scene
 from asmjax.scene import builtin, mesh_tools, surface
 from asmjax.scene.spec import Mesh
@@ -123,11 +123,12 @@ def test_names_that_are():
 @pytest.mark.parametrize(
     ("scene", "folder"),
     [("surface:2.5m", "run-surface-2.5m"), ("paper_room", "run-paper_room"),
-     ("some/where/house.xml", "run-house"), ("my.house.XML", "run-my.house")],
+     ("some/where/house.xml", "run-house"), ("my.house.XML", "run-my.house"),
+     ("some/villa/scene.xml", "run-villa")],
 )  # fmt: skip
 def test_results_are_kept_apart_by_size(scene, folder):
     """Each size has a folder of its own, and its name suits a file system."""
-    assert results_folder(RunOptions(scene=scene)).name == folder
+    assert results_folder(RunOptions(scene=scene)).path.name == folder
 
 
 @pytest.mark.mitsuba

@@ -116,7 +116,7 @@ def test_a_comparison_with_a_soft_method_is_judged_softly(lamp):
 @pytest.mark.mitsuba
 def test_a_light_without_a_shadow_is_measured_all_the_same(tmp_path, capsys, monkeypatch):
     """`--force none`: the two hard maps and truth, and a line that says why."""
-    monkeypatch.setattr("asmjax.report.run_files.write_figures", lambda pictures, folder: None)
+    monkeypatch.setattr("asmjax.report.run_files.figure_files", lambda pictures: {})
     words = ["run", "letter_f", "--size", "48", "32", "--memory-mb", "0.25", "--repeats", "1"]
     assert cli.main([*words, "--force", "none", "--out", str(tmp_path)]) == 0
     assert "hard maps and truth are measured all the same" in capsys.readouterr().out

@@ -14,6 +14,7 @@ from asmjax.errors import UseError
 from asmjax.report import InvalidReport, validate_report
 from asmjax.report.figures.tuning import equal_objective
 from asmjax.report.keys import key_paths
+from asmjax.report.outputs import Outputs
 from asmjax.report.schema import RUN_KEYS
 from asmjax.report.table import MAX_WIDTH
 from asmjax.report.tune_files import write_tuning
@@ -70,8 +71,9 @@ def test_the_report_has_the_numbers(result, report):
 
 def test_everything_is_written_and_can_be_used(result, tmp_path):
     """The settings file gives the tuned map again; the CSV has a row for each that was tried."""
-    (tmp_path / "costs_1.png").write_bytes(b"of a comparison")
-    report = write_tuning(result, tmp_path, seed=3)
+    outputs = Outputs(tmp_path, "tuning")
+    write_tuning(result, report_of_tuning(result, 3), outputs)
+    report = outputs.report
     assert json.loads((tmp_path / "report.json").read_text(encoding="utf-8")) == report
     again = read_settings(tmp_path / "tuned.toml")
     for name in NAMES:
@@ -89,7 +91,8 @@ def test_everything_is_written_and_can_be_used(result, tmp_path):
 def test_a_limit_has_no_sensitivity(tmp_path):
     """Rationale: nothing is traded, so there is no price to ask about."""
     result = tuning_result(Goal(seconds=0.055))
-    report = write_tuning(result, tmp_path, seed=0)
+    report = report_of_tuning(result, 0)
+    write_tuning(result, report, Outputs(tmp_path, "tuning"))
     assert report["sensitivity"] is None and report["front"] == []
     # 60 ms break the limit.
     default = report["objective"]["default"]

@@ -149,8 +149,11 @@ def test_keys_are_walked_between_and_a_folder_holds_one_run(tmp_path):
     single view or of a longer walk do not stay behind; a user's own do."""
     out = tmp_path / "out"
     out.mkdir()
-    for name in (*SINGLE_RUN, "frame_0007.npz", "notes.txt"):
+    listed = [*(name for name in SINGLE_RUN if "*" not in name), "frame_0007.npz"]
+    for name in (*listed, "notes.txt"):
         (out / name).touch()
+    earlier = {"schema": "asmjax/run/1", "files": listed}
+    (out / "report.json").write_text(json.dumps(earlier), encoding="utf-8")
     report = walk(out, "letter_f", "--frames", "2", "--keys", "angle", "above")
     assert {path.name for path in out.iterdir()} == FILES | {"notes.txt"}
     assert report["view"] == "path angle - above"

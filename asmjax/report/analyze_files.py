@@ -1,50 +1,62 @@
 """From an analysis to its files: report.json, table, arrays and figures."""
 
-from pathlib import Path
-
 import numpy as np
 
 from asmjax.experiment.light_angles import FIRST_DEG, theory_storage
-from asmjax.report.analyze_record import AnalysisResult, LightSweep, report_of_analysis
-from asmjax.report.analyze_table import write_analysis_csv
+from asmjax.report.analyze_record import AnalysisResult, LightSweep
+from asmjax.report.analyze_table import analysis_csv
 from asmjax.report.figures.aliasing_maps import MPanel, draw_aliasing_maps
-from asmjax.report.figures.board import save
+from asmjax.report.figures.board import drawing
 from asmjax.report.figures.edge_displacement import EdgePoint, draw_displacement
 from asmjax.report.figures.light_angles import AngleCurve, draw_light_angles
-from asmjax.report.measured import write_arrays
-from asmjax.report.outputs import ANALYSIS, PLAN, SINGLE_RUN, WALKTHROUGH, remove
-from asmjax.report.record import write_json
+from asmjax.report.measured import arrays_writer
+from asmjax.report.outputs import Outputs
+from asmjax.writing import Writer, text_writer
 
 _THEORY_STEPS = 177
 """Directions at which the theory's lines are drawn: half a degree apart."""
 
 
 def write_analysis(
-    result: AnalysisResult, folder: Path, *, seed: int, save_arrays: bool
-) -> dict:  # fmt: skip
+    result: AnalysisResult, report: dict, outputs: Outputs, *, save_arrays: bool
+) -> None:  # fmt: skip
     """Write report.json, the table as CSV, the figures, and with `save_arrays` arrays.npz.
 
-    The numbers come first: a figure that fails cannot lose them. Returns the report.
+    The numbers come first: a figure that fails cannot lose them.
+
+    Args:
+        report: as of `report_of_analysis`.
+
+    Raises:
+        WriteError: some of it cannot be written.
     """
-    report = report_of_analysis(result, seed)
-    write_json(folder / "report.json", report)
-    remove(folder, (*SINGLE_RUN, *WALKTHROUGH, *ANALYSIS, *PLAN))
-    write_analysis_csv(folder / "methods.csv", report["methods"])
+    outputs.keep(report)
+    outputs.add({"methods.csv": text_writer(lambda: analysis_csv(report["methods"]))})
     if save_arrays:
-        maps = {
-            f"{name}_{item.measured.name}": getattr(item.maps, name)
-            for item in result.analysed
-            for name in ("m", "perspective", "texels")
-        }
-        methods = [*(item.measured for item in result.analysed), *(result.traced or [result.truth])]
-        write_arrays(folder / "arrays.npz", result.eyes[0], result.truth, methods, maps)
-    save(draw_aliasing_maps(_panels(result), result.title), folder / "aliasing.png")
-    save(draw_displacement(_points(result), result.title), folder / "displacement.png")
-    if result.sweep is not None and result.sweep.errors:
-        seen = result.sweep.seen
-        drawn = draw_light_angles(_curves(result.sweep), seen.alpha, seen.theta, result.title)
-        save(drawn, folder / "light_angles.png")
-    return report
+        outputs.add({"arrays.npz": _arrays(result)})
+    figures = {
+        "aliasing.png": drawing(lambda: draw_aliasing_maps(_panels(result), result.title)),
+        "displacement.png": drawing(lambda: draw_displacement(_points(result), result.title)),
+    }
+    sweep = result.sweep
+    if sweep is not None and sweep.errors:
+        figures["light_angles.png"] = drawing(
+            lambda: draw_light_angles(
+                _curves(sweep), sweep.seen.alpha, sweep.seen.theta, result.title
+            )
+        )
+    outputs.add(figures)
+    outputs.finish()
+
+
+def _arrays(result: AnalysisResult) -> Writer:
+    maps = {
+        f"{name}_{item.measured.name}": getattr(item.maps, name)
+        for item in result.analysed
+        for name in ("m", "perspective", "texels")
+    }
+    methods = [*(item.measured for item in result.analysed), *(result.traced or [result.truth])]
+    return arrays_writer(result.eyes[0], result.truth, methods, maps)
 
 
 def _panels(result: AnalysisResult) -> list[MPanel]:

@@ -1,16 +1,15 @@
 """An analysis as a table: what each map does to the view, at equal memory."""
 
-import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 from asmjax.report.table import (
     METHOD_COLUMNS,
     Column,
+    csv_text,
     milliseconds,
     significant,
     table_text,
-    write_csv,
 )
 
 _PLAIN = {column.head: column for column in METHOD_COLUMNS}
@@ -66,6 +65,6 @@ def analysis_table(methods: Sequence[Mapping]) -> str:
     return table_text(ANALYSIS_COLUMNS, methods)
 
 
-def write_analysis_csv(path: str | os.PathLike, methods: Sequence[Mapping]) -> None:
-    """Write the unrounded numbers, whole or not at all. Raises `OSError` as `open` does."""
-    write_csv(path, methods, (*ANALYSIS_COLUMNS, *_FURTHER))
+def analysis_csv(methods: Sequence[Mapping]) -> str:
+    """The unrounded numbers."""
+    return csv_text(methods, (*ANALYSIS_COLUMNS, *_FURTHER))

@@ -1,34 +1,41 @@
 """From a comparison to its files: report.json, trials.csv and charts."""
 
-from pathlib import Path
+from functools import partial
 from typing import TYPE_CHECKING
 
 from asmjax.experiment.comparison import Compared, front_of
-from asmjax.report.compare_record import report_of_comparison
 from asmjax.report.compare_result import ComparisonResult
-from asmjax.report.compare_table import write_trials_csv
-from asmjax.report.figures.board import save
+from asmjax.report.compare_table import trials_csv
+from asmjax.report.figures.board import drawing
 from asmjax.report.figures.fronts import BARS, FrontPanel, FrontPoint, Mark, draw_fronts
-from asmjax.report.outputs import ANALYSIS, COMPARISON, PLAN, SINGLE_RUN, WALKTHROUGH, remove
-from asmjax.report.record import write_json
+from asmjax.report.outputs import Outputs
 from asmjax.report.table import MB, significant
+from asmjax.writing import text_writer
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def write_comparison(result: ComparisonResult, folder: Path, *, seed: int) -> dict:
+def write_comparison(result: ComparisonResult, report: dict, outputs: Outputs) -> None:
     """Write report.json, the trials as CSV, and a chart for each number of samples.
 
-    The numbers come first: a figure that fails cannot lose them. Returns the report.
+    The numbers come first: a figure that fails cannot lose them.
+
+    Args:
+        report: as of `report_of_comparison`.
+
+    Raises:
+        WriteError: some of it cannot be written.
     """
-    report = report_of_comparison(result, seed)
-    write_json(folder / "report.json", report)
-    remove(folder, (*SINGLE_RUN, *WALKTHROUGH, *ANALYSIS, *COMPARISON, *PLAN))
-    write_trials_csv(folder / "trials.csv", result)
-    for samples in result.samples:
-        save(draw_comparison(result, samples), folder / f"costs_{samples}.png")
-    return report
+    outputs.keep(report)
+    outputs.add({"trials.csv": text_writer(lambda: trials_csv(result))})
+    outputs.add(
+        {
+            f"costs_{samples}.png": drawing(partial(draw_comparison, result, samples))
+            for samples in result.samples
+        }
+    )
+    outputs.finish()
 
 
 def draw_comparison(result: ComparisonResult, samples: int) -> "Figure":

@@ -1,6 +1,5 @@
 """A comparison as text and as CSV: what is on the front, and what a given error costs."""
 
-import os
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -14,7 +13,7 @@ from asmjax.experiment.comparison import (
 )
 from asmjax.report.compare_record import measured_record
 from asmjax.report.compare_result import ComparisonResult
-from asmjax.report.table import MB, Column, significant, table_text, write_csv
+from asmjax.report.table import MB, Column, csv_text, significant, table_text
 
 _SCALE = {"seconds": (1e3, "milliseconds", "ms"), "bytes": (1 / MB, "MB", "MB")}
 """What tables show of a cost: its scale, its unit, and the unit's sign."""
@@ -99,9 +98,9 @@ _COLUMNS: tuple[Column, ...] = (
 )
 
 
-def write_trials_csv(path: str | os.PathLike, result: ComparisonResult) -> None:
+def trials_csv(result: ComparisonResult) -> str:
     """A row for each setting, number of samples and view, and where there are several views one
-    for all of them, unrounded. Raises `OSError` as `open` does."""
+    for all of them, unrounded."""
     rows = []
     for item in [*result.trials, *result.yardsticks]:
         trials = item.views if len(item.views) == 1 else [item.trial, *item.views]
@@ -114,7 +113,7 @@ def write_trials_csv(path: str | os.PathLike, result: ComparisonResult) -> None:
             }
             for trial in trials
         ]
-    write_csv(path, rows, _csv_columns())
+    return csv_text(rows, _csv_columns())
 
 
 def _csv_columns() -> list[Column]:

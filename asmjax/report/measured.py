@@ -1,7 +1,6 @@
 """What was measured as entries of a report and as images: of a single view, or of a frame."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from pathlib import Path
 
 import numpy as np
 
@@ -14,6 +13,7 @@ from asmjax.report.record import method_record
 from asmjax.scene.spec import LightSpec
 from asmjax.shadow import AdaptiveShadowMap, CostModel
 from asmjax.shadow.adaptive import AdaptiveState
+from asmjax.writing import Writer
 
 
 def method_records(
@@ -125,14 +125,13 @@ def light_parts(eye: EyeBuffer, frame: LightFrame) -> tuple[np.ndarray, np.ndarr
     return linear_parts(eye.albedo.reshape(3, *size), cosine.reshape(size))
 
 
-def write_arrays(
-    path: Path,
+def arrays_writer(
     eye: EyeBuffer,
     truth: Measured,
     methods: Sequence[Measured],
     maps: Mapping[str, np.ndarray],
-) -> None:
-    """Write the images of one view as an .npz file, whole or not at all."""
+) -> Writer:
+    """Writes the images of one view as an .npz file."""
     size = eye.size
     arrays = {
         "valid": eye.valid.reshape(size),
@@ -141,7 +140,4 @@ def write_arrays(
         **{name: values.reshape(size) for name, values in maps.items()},
         **{f"visibility_{m.name}": m.visibility.reshape(size) for m in methods},
     }
-    scratch = path.with_name(f".{path.name}.part")
-    with scratch.open("wb") as file:
-        np.savez_compressed(file, **arrays)
-    scratch.replace(path)
+    return lambda file: np.savez_compressed(file, **arrays)

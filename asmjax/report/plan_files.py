@@ -1,7 +1,6 @@
 """From a plan to its files: report.json and a figure."""
 
 import sys
-from pathlib import Path
 
 import jax
 import numpy as np
@@ -9,34 +8,32 @@ import numpy as np
 from asmjax.effects import Decision, LightSeen, Plan
 from asmjax.effects.plan import with_error
 from asmjax.effects.records import percent, pixels
-from asmjax.report.figures.board import save
+from asmjax.report.figures.board import drawing
 from asmjax.report.figures.plan import LightPanel, draw_plan
 from asmjax.report.figures.shading import shade
-from asmjax.report.outputs import (
-    ANALYSIS,
-    COMPARISON,
-    PLAN,
-    SINGLE_RUN,
-    TUNING,
-    WALKTHROUGH,
-    remove,
-)
+from asmjax.report.outputs import PLAN, Outputs
 from asmjax.report.plan_result import PlanResult
 from asmjax.report.plan_schema import PLAN_SCHEMA
 from asmjax.report.provenance import provenance
-from asmjax.report.record import report_of_entries, write_json
+from asmjax.report.record import report_of_entries
 
 
-def write_plan(result: PlanResult, folder: Path, *, seed: int) -> dict:
-    """Write report.json and plan.png; returns the report.
+def write_plan(result: PlanResult, report: dict, outputs: Outputs) -> None:
+    """Write report.json and plan.png.
 
     The numbers come first: a figure that fails cannot lose them.
+
+    Args:
+        report: as of `report_of_plan`.
+
+    Raises:
+        WriteError: some of it cannot be written.
     """
-    report = report_of_plan(result, seed)
-    write_json(folder / "report.json", report)
-    remove(folder, (*SINGLE_RUN, *WALKTHROUGH, *ANALYSIS, *COMPARISON, *TUNING, *PLAN))
-    save(draw_plan(panels(result), _title(result.plan), footnotes(result.plan)), folder / PLAN[0])
-    return report
+    outputs.keep(report)
+    plan = result.plan
+    drawn = drawing(lambda: draw_plan(panels(result), _title(plan), footnotes(plan)))
+    outputs.add({PLAN[0]: drawn})
+    outputs.finish()
 
 
 def report_of_plan(result: PlanResult, seed: int) -> dict:

@@ -11,9 +11,9 @@ from typing import SupportsIndex
 import numpy as np
 
 from asmjax.memory import Forecast
-from asmjax.paths import write_atomic
 from asmjax.report.keys import InvalidReport, first_unstorable
 from asmjax.report.schema import RUN_SCHEMA, validate_report
+from asmjax.writing import text_writer, write_file
 
 
 def map_summary(values, valid) -> dict:
@@ -179,9 +179,9 @@ def write_json(path: str | os.PathLike, report: dict) -> None:
 
     Raises:
         InvalidReport: it holds a NaN, an infinity, or something that is not JSON.
-        OSError: the folder is missing or not writable.
+        WriteError: the folder is missing or not writable, or the disk is full.
     """
     problem = first_unstorable(report)
     if problem:
         raise InvalidReport(problem)
-    write_atomic(path, json.dumps(report, indent=2, allow_nan=False) + "\n")
+    write_file(path, text_writer(lambda: json.dumps(report, indent=2, allow_nan=False) + "\n"))

@@ -1,49 +1,53 @@
 """From a measured run to its files: report.json, table, arrays and figures."""
 
 import sys
-from pathlib import Path
 
 import jax
 import numpy as np
 
 from asmjax.experiment import RunResult
-from asmjax.report.figures import RunPictures, write_figures
-from asmjax.report.figures.seen import write_seen
+from asmjax.report.figures import RunPictures, figure_files
+from asmjax.report.figures.seen import seen_files
 from asmjax.report.measured import (
+    arrays_writer,
     cost_model_record,
     light_text,
     method_records,
     missing_text,
     truth_notices,
     truth_record,
-    write_arrays,
 )
-from asmjax.report.outputs import ANALYSIS, PLAN, SEEN, WALKTHROUGH, remove
+from asmjax.report.outputs import Outputs
 from asmjax.report.provenance import provenance
-from asmjax.report.record import map_summary, run_report, write_json
-from asmjax.report.table import METHOD_COLUMNS, SOFT_COLUMNS, has_penumbrae, write_csv
+from asmjax.report.record import map_summary, run_report
+from asmjax.report.table import METHOD_COLUMNS, SOFT_COLUMNS, csv_text, has_penumbrae
 from asmjax.report.view_pictures import tree_picture, view_pictures
 from asmjax.shadow.adaptive import AdaptiveState
+from asmjax.writing import text_writer
 
 
-def write_results(result: RunResult, folder: Path, *, seed: int, save_arrays: bool) -> dict:
+def write_results(
+    result: RunResult, report: dict, outputs: Outputs, *, save_arrays: bool
+) -> None:  # fmt: skip
     """Write report.json, the table as CSV, the figures, and with `save_arrays` arrays.npz.
 
-    The numbers come first: a figure that fails cannot lose them. Returns the report.
+    The numbers come first: a figure that fails cannot lose them.
+
+    Args:
+        report: as of `report_of`.
+
+    Raises:
+        WriteError: some of it cannot be written.
     """
-    report = report_of(result, seed)
-    write_json(folder / "report.json", report)
-    remove(folder, ("arrays.npz", *SEEN, *WALKTHROUGH, *ANALYSIS, *PLAN))
+    outputs.keep(report)
     columns = METHOD_COLUMNS + (SOFT_COLUMNS[1:] if has_penumbrae(report["methods"]) else ())
-    write_csv(folder / "methods.csv", report["methods"], columns)
+    outputs.add({"methods.csv": text_writer(lambda: csv_text(report["methods"], columns))})
     if save_arrays:
-        write_arrays(
-            folder / "arrays.npz", result.eyes[0], result.truth, result.methods, result.maps
-        )
+        arrays = arrays_writer(result.eyes[0], result.truth, result.methods, result.maps)
+        outputs.add({"arrays.npz": arrays})
     pictures = pictures_of(result, report)
-    write_figures(pictures, folder)
-    write_seen(pictures, folder)
-    return report
+    outputs.add({**figure_files(pictures), **seen_files(pictures)})
+    outputs.finish()
 
 
 def report_of(result: RunResult, seed: int) -> dict:

@@ -65,6 +65,8 @@ HEAD = {
     "view": Key("text", "name of the view or sensor"),
     "light": Key("text", "which light, and its type"),
     "size": Key("size", "[width, height] of the eye's image, pixels"),
+    "scene_file": Key("text", "absolute path of the scene file; not of a built-in scene", False),
+    "files": Key("text list", "names of the report's other files in its folder", False),
 }
 
 COST_MODEL = Key(

@@ -13,7 +13,8 @@ from tqdm import tqdm
 
 from asmjax.experiment.bounds import Bound
 from asmjax.report.figures import save
-from asmjax.report.record import plain, write_atomic, write_json
+from asmjax.report.record import plain, write_json
+from asmjax.writing import text_writer, write_file
 
 ANALYSIS_SCHEMA = "asmjax/analysis/1"
 
@@ -62,7 +63,8 @@ class StepwiseRecord:
         record = plain(self.record)
         assert isinstance(record, dict)
         write_json(self.folder / "report.json", record)
-        write_atomic(self.folder / "report.md", self._document(self.record))
+        words = text_writer(lambda: self._document(self.record))
+        write_file(self.folder / "report.md", words)
 
     def figure(self, name: str, drawn: Figure, words: str) -> None:
         """Save a figure as `name`.png; `words` stand for it where it is not seen."""

@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-from asmjax.report.record import write_atomic
+from asmjax.writing import text_writer, write_file
 
 MB = 2**20
 """Bytes per MB, on the command line and in tables."""
@@ -224,5 +224,5 @@ def csv_text(methods: Sequence[Mapping], columns: Sequence[Column] = METHOD_COLU
 def write_csv(
     path: str | os.PathLike, methods: Sequence[Mapping], columns: Sequence[Column] = METHOD_COLUMNS
 ) -> None:
-    """Write `csv_text` to `path`, whole or not at all. Raises `OSError` as `open` does."""
-    write_atomic(path, csv_text(methods, columns))
+    """Write `csv_text` to `path`, whole or not at all. Raises `WriteError` where it cannot."""
+    write_file(path, text_writer(lambda: csv_text(methods, columns)))

@@ -1,33 +1,24 @@
 """From tuning to its files: report.json, settings, what was tried, figures."""
 
 from collections.abc import Sequence
-from pathlib import Path
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from asmjax.errors import require
-from asmjax.report.figures.board import save
+from asmjax.report.figures.board import drawing
 from asmjax.report.figures.sensitivity import Slope, Way, draw_sensitivity
 from asmjax.report.figures.surrogate import draw_surrogate
 from asmjax.report.figures.tuning import Asked, Dot, Rival, TriedPanel, draw_tried
-from asmjax.report.outputs import (
-    ANALYSIS,
-    COMPARISON,
-    PLAN,
-    SINGLE_RUN,
-    TUNING,
-    WALKTHROUGH,
-    remove,
-)
-from asmjax.report.record import write_json
+from asmjax.report.outputs import Outputs
 from asmjax.report.table import MB
-from asmjax.report.tune_record import report_of_tuning
 from asmjax.report.tune_result import TuningResult
-from asmjax.report.tune_table import write_tried_csv
+from asmjax.report.tune_table import tried_csv
 from asmjax.report.tune_words import RIVAL_WORDS
-from asmjax.shadow import write_settings
+from asmjax.shadow import settings_text
 from asmjax.tuning.result import Candidate
+from asmjax.writing import text_writer
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -36,20 +27,27 @@ SETTINGS = "tuned.toml"
 """File of the tuned settings, for `--settings`."""
 
 
-def write_tuning(result: TuningResult, folder: Path, *, seed: int) -> dict:
-    """Write report.json, tuned.toml, tried.csv and the figures; returns the report.
+def write_tuning(result: TuningResult, report: dict, outputs: Outputs) -> None:
+    """Write report.json, tuned.toml, tried.csv and the figures.
 
     The numbers come first: a figure that fails cannot lose them.
+
+    Args:
+        report: as of `report_of_tuning`.
+
+    Raises:
+        WriteError: some of it cannot be written.
     """
-    report = report_of_tuning(result, seed)
-    write_json(folder / "report.json", report)
-    remove(folder, (*SINGLE_RUN, *WALKTHROUGH, *ANALYSIS, *COMPARISON, *TUNING, *PLAN))
-    write_settings(folder / SETTINGS, result.algorithm)
-    write_tried_csv(folder / "tried.csv", result)
+    outputs.keep(report)
+    outputs.add(
+        {
+            SETTINGS: text_writer(lambda: settings_text(result.algorithm)),
+            "tried.csv": text_writer(lambda: tried_csv(result)),
+        }
+    )
     kinds = ("tried", "surrogate", *(["sensitivity"] if result.found.sensitivity else []))
-    for kind in kinds:
-        save(draw_tuning(result, kind), folder / f"{kind}.png")
-    return report
+    outputs.add({f"{kind}.png": drawing(partial(draw_tuning, result, kind)) for kind in kinds})
+    outputs.finish()
 
 
 def draw_tuning(result: TuningResult, what: str) -> "Figure":

@@ -1,11 +1,10 @@
 """Tuning as text and as CSV: the rivals, their settings, and what came of it."""
 
-import os
 from collections.abc import Callable, Mapping
 from typing import Any
 
 from asmjax.experiment.clock import Median
-from asmjax.report.table import MB, Column, significant, table_text, write_csv
+from asmjax.report.table import MB, Column, csv_text, significant, table_text
 from asmjax.report.tune_record import tried_records
 from asmjax.report.tune_result import TuningResult
 from asmjax.report.tune_words import OTHERS, RIVAL_WORDS, setting_words
@@ -116,9 +115,8 @@ def _settings_text(result: TuningResult) -> str:
     return table_text([*columns, *(column(name) for name in rivals)], rows)
 
 
-def write_tried_csv(path: str | os.PathLike, result: TuningResult) -> None:
-    """A row for each settings that were tried, in order, unrounded. Raises `OSError` as `open`
-    does."""
+def tried_csv(result: TuningResult) -> str:
+    """A row for each settings that were tried, in order, unrounded."""
 
     def column(name: str, value: Callable[[Mapping], Any]) -> Column:
         return Column("", name, value, str, name)
@@ -138,4 +136,4 @@ def write_tried_csv(path: str | os.PathLike, result: TuningResult) -> None:
         column("predicted_per_edge_length_px", lambda row: row["predicted"]["edge_px"]),
         column("predicted_total_ms", lambda row: scaled(row["predicted"]["seconds"])),
     ]
-    write_csv(path, tried_records(result), columns)
+    return csv_text(tried_records(result), columns)

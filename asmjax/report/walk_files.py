@@ -1,23 +1,23 @@
 """From a walkthrough's frames to its files: report.json, frames.csv, arrays and figures."""
 
+import math
 import time
-from pathlib import Path
 
 from asmjax.experiment.walkthrough import FrameResult
 from asmjax.report.figures import RunPictures
-from asmjax.report.figures.board import save
+from asmjax.report.figures.board import drawing
 from asmjax.report.figures.frames import (
     FramePicture,
+    animation,
     draw_frames,
     frame_picture,
-    write_animation,
 )
 from asmjax.report.figures.walkthrough import draw_walkthrough
-from asmjax.report.measured import light_parts, missing_text, write_arrays
-from asmjax.report.outputs import ANALYSIS, PLAN, SINGLE_RUN, WALKTHROUGH, remove
-from asmjax.report.record import write_json
-from asmjax.report.walk_record import COMPLETE, WalkRecord, WalkSetting
-from asmjax.report.walk_table import write_frames_csv
+from asmjax.report.measured import arrays_writer, light_parts, missing_text
+from asmjax.report.outputs import Outputs
+from asmjax.report.walk_record import WalkRecord, WalkSetting
+from asmjax.report.walk_table import frames_csv
+from asmjax.writing import text_writer
 
 SAVE_SECONDS = 20.0
 """How often the report of the finished frames is written while frames are measured: what is lost
@@ -31,25 +31,24 @@ class WalkFiles:
     """Takes up frames as they are measured, and leaves their files in a folder.
 
     Args:
-        folder: must exist.
+        outputs: the folder; must exist.
         save_arrays: also write each frame's images as frame_0000.npz, ...
     """
 
-    def __init__(self, setting: WalkSetting, folder: Path, *, save_arrays: bool):
+    def __init__(self, setting: WalkSetting, outputs: Outputs, *, save_arrays: bool):
         self.record = WalkRecord(setting)
-        self._folder, self._save_arrays = folder, save_arrays
+        self._outputs, self._save_arrays = outputs, save_arrays
         self._pictures: list[FramePicture] = []
         self._exposed: float | None = None
-        self._saved = time.monotonic()
+        self._saved = -math.inf
 
     def add(self, result: FrameResult) -> None:
-        """Take up the next frame."""
+        """Take up the next frame.
+
+        Raises:
+            WriteError: report.json cannot be written.
+        """
         number = result.input.number
-        if number == 0:
-            remove(self._folder, (*SINGLE_RUN, *WALKTHROUGH, *ANALYSIS, *PLAN))
-        if self._save_arrays:
-            path = self._folder / f"frame_{number:04d}.npz"
-            write_arrays(path, result.input.eyes[0], result.truth, result.methods, {})
         pictures = _pictures(result)
         if self._exposed is None:
             self._exposed = pictures.exposed
@@ -58,20 +57,43 @@ class WalkFiles:
         self.record.add(result)
         self._pictures.append(picture)
         if time.monotonic() - self._saved > SAVE_SECONDS:
-            write_json(self._folder / "report.json", self.record.report(RUNNING))
+            # Names of frames to come too: the report is there before its files.
+            self._keep(self.record.report(RUNNING), self.record.setting.frames)
             self._saved = time.monotonic()
+        if self._save_arrays:
+            arrays = arrays_writer(result.input.eyes[0], result.truth, result.methods, {})
+            self._outputs.add({_arrays_name(number): arrays})
 
-    def finish(self, ended: str = COMPLETE) -> dict:
-        """Write everything about the frames so far, the numbers first; returns the report."""
-        report = self.record.report(ended)
-        write_json(self._folder / "report.json", report)
-        write_frames_csv(self._folder / "frames.csv", report["frames"])
+    def finish(self, report: dict) -> None:
+        """Write everything about the frames so far, the numbers first.
+
+        Args:
+            report: of `record`.
+
+        Raises:
+            WriteError: some of it, or of what frames left, cannot be written.
+        """
+        self._keep(report, len(self.record.frames))
         title = f"{report['scene']}, {report['view']}; moving: {report['motion']}"
         missing = missing_text(self.record.setting.not_simulated)
-        save(draw_walkthrough(report, missing), self._folder / "walkthrough.png")
-        save(draw_frames(self._pictures, title + missing), self._folder / "frames.png")
-        write_animation(self._pictures, self._folder / "walkthrough.gif")
-        return report
+        self._outputs.add(
+            {
+                "frames.csv": text_writer(lambda: frames_csv(report["frames"])),
+                "walkthrough.png": drawing(lambda: draw_walkthrough(report, missing)),
+                "frames.png": drawing(lambda: draw_frames(self._pictures, title + missing)),
+                "walkthrough.gif": animation(self._pictures),
+            }
+        )
+        self._outputs.finish()
+
+    def _keep(self, report: dict, frames: int) -> None:
+        """Write the report, as of a walkthrough with so many frames."""
+        arrays = map(_arrays_name, range(frames)) if self._save_arrays else ()
+        self._outputs.keep(report, arrays)
+
+
+def _arrays_name(number: int) -> str:
+    return f"frame_{number:04d}.npz"
 
 
 def _pictures(result: FrameResult) -> RunPictures:

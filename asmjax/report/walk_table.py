@@ -1,16 +1,15 @@
 """A walkthrough as tables: medians for the terminal, every frame as CSV."""
 
-import os
 from collections.abc import Mapping, Sequence
 
 from asmjax.report.table import (
     METHOD_COLUMNS,
     Column,
+    csv_text,
     milliseconds,
     short_count,
     significant,
     table_text,
-    write_csv,
 )
 
 NODE_COUNTS = ("made", "reused", "evicted", "recast", "dropped")
@@ -63,7 +62,7 @@ def walkthrough_table(summary: Mapping) -> str:
     return table_text(MEDIAN_COLUMNS, summary["methods"])
 
 
-def write_frames_csv(path: str | os.PathLike, frames: Sequence[Mapping]) -> None:
-    """Write a row for each frame and method, whole or not at all. Raises `OSError` as `open`."""
+def frames_csv(frames: Sequence[Mapping]) -> str:
+    """A row for each frame and method, unrounded."""
     rows = [{**method, "frame": frame["frame"]} for frame in frames for method in frame["methods"]]
-    write_csv(path, rows, _FRAME_COLUMNS)
+    return csv_text(rows, _FRAME_COLUMNS)

@@ -1,24 +1,17 @@
 """What a trial is known by: its whole configuration and what its scene consists of, in 32 digits.
 
 The same on every machine and in every process: JSON with sorted keys, numbers as `repr` writes
-them, and for a scene file the bytes of all its files, wherever they are.
+them, and for a scene file the bytes of all its files, wherever they are (`render.content`).
 """
 
 import hashlib
 import json
-from collections.abc import Iterable, Mapping
-from pathlib import Path
+from collections.abc import Mapping
 from typing import Any
-from xml.etree import ElementTree
 
-import asmjax
-from asmjax.errors import UseError
-from asmjax.render.untrusted import shipped_plugins
-from asmjax.scene.file_names import shown
-from asmjax.scene.scan import scan
+from asmjax.render.content import DIGITS, builtin_content, file_content
 
-DIGITS = 32
-"""Hexadecimal ones of a key."""
+__all__ = ["DIGITS", "NOT_IDENTITY", "builtin_content", "canonical", "file_content", "key_of"]
 
 NOT_IDENTITY = ("scene", "trust_scene")
 """Of a configuration: where the scene is, for which `content` stands, and whether it is trusted."""
@@ -37,77 +30,3 @@ def canonical(value: Any) -> str:
         ValueError: a number that is not finite, which JSON has no word for.
     """
     return json.dumps(value, sort_keys=True, separators=(",", ":"), allow_nan=False)
-
-
-def builtin_content(name: str) -> str:
-    """What a built-in scene consists of: its code, which the version names."""
-    return f"built-in {name} of asmjax {asmjax.__version__}"
-
-
-def file_content(path: Path, trust: bool = False) -> str:
-    """What the scene file at `path` consists of: a digest of all files that it reads.
-
-    Args:
-        trust: also of a scene that `asmjax.scene.scan` would refuse: of the files that it names.
-
-    Raises:
-        UseError: as `scan`, or a file cannot be read.
-    """
-    if trust:
-        return f"files {_digest(path.parent, _named_files(path))}"
-    files = scan(path, shipped_plugins())
-    everything = {*files.documents, *(reference.path for reference in files.references)}
-    return f"files {_digest(path.parent.resolve(), everything)}"
-
-
-def _digest(folder: Path, files: Iterable[Path]) -> str:
-    """Of names, from the scene's folder on, and bytes."""
-    named = {}
-    for file in files:
-        inside = file.is_relative_to(folder)
-        named[file.relative_to(folder).as_posix() if inside else file.name] = file
-    state = hashlib.sha256()
-    for name, file in sorted(named.items()):
-        try:
-            with file.open("rb") as content:
-                part = hashlib.file_digest(content, "sha256").hexdigest()
-        except OSError as problem:
-            raise UseError(
-                f"file {shown(str(file))} of the scene cannot be read ({problem.strerror}); make "
-                "it readable."
-            ) from problem
-        state.update(f"{len(name)}:{name}:{part}\n".encode(errors="surrogateescape"))
-    return state.hexdigest()[:DIGITS]
-
-
-def _named_files(path: Path) -> list[Path]:
-    """The scene file, what it includes, and every file that one of them names.
-
-    Files that only a plugin of its own knows of are not found.
-    """
-    found, waiting = [], [path]
-    while waiting:
-        document = waiting.pop()
-        if document in found:
-            continue
-        found.append(document)
-        try:
-            elements = ElementTree.parse(document).iter()
-        except (OSError, ElementTree.ParseError) as problem:
-            raise UseError(
-                f"scene file {shown(str(document))} cannot be read ({problem}); mend it."
-            ) from problem
-        for element in elements:
-            for name in _names(element):
-                file = path.parent / name
-                if file.is_file():
-                    (waiting if element.tag == "include" else found).append(file)
-    return list(dict.fromkeys(found))
-
-
-def _names(element: ElementTree.Element) -> list[str]:
-    """What an element says that may be the name of a file."""
-    said = [element.get("filename")]
-    if element.tag == "string":
-        said.append(element.get("value"))
-    return [name for name in said if name and len(name) < 4096 and "\0" not in name]

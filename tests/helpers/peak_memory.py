@@ -20,6 +20,7 @@ from asmjax.experiment.ledger import Ledger
 from asmjax.machine import process_bytes
 from asmjax.memory import Forecast
 from asmjax.options import AnalyzeOptions, CompareOptions, RunOptions
+from asmjax.report.outputs import Outputs
 
 SMALL = {"size": (96, 96), "memory_mb": 1.0, "settings": None}
 """Of the job that comes first."""
@@ -28,11 +29,12 @@ SMALL = {"size": (96, 96), "memory_mb": 1.0, "settings": None}
 def run(options: RunOptions) -> Forecast | None:
     """`asmjax run`, files included."""
     from asmjax.main_job import measure_scene
-    from asmjax.report.run_files import write_results
+    from asmjax.report.run_files import report_of, write_results
 
     result = measure_scene(options)
     with tempfile.TemporaryDirectory() as folder:
-        write_results(result, Path(folder), seed=0, save_arrays=options.save_arrays)
+        outputs, report = Outputs(folder, "run"), report_of(result, 0)
+        write_results(result, report, outputs, save_arrays=options.save_arrays)
     return result.memory
 
 
@@ -43,10 +45,11 @@ def walk(options: RunOptions) -> Forecast | None:
 
     walk = Walk(options)
     with tempfile.TemporaryDirectory() as folder:
-        files = WalkFiles(walk.setting, Path(folder), save_arrays=options.save_arrays)
+        outputs = Outputs(folder, "walkthrough")
+        files = WalkFiles(walk.setting, outputs, save_arrays=options.save_arrays)
         for result in walk.frames():
             files.add(result)
-        files.finish()
+        files.finish(files.record.report())
     return walk.setting.memory
 
 
@@ -54,10 +57,12 @@ def analyze(options: AnalyzeOptions) -> Forecast | None:
     """`asmjax analyze`, files included."""
     from asmjax.analyze_job import analyse_scene
     from asmjax.report.analyze_files import write_analysis
+    from asmjax.report.analyze_record import report_of_analysis
 
     result = analyse_scene(options)
     with tempfile.TemporaryDirectory() as folder:
-        write_analysis(result, Path(folder), seed=0, save_arrays=options.save_arrays)
+        outputs, report = Outputs(folder, "aliasing"), report_of_analysis(result, 0)
+        write_analysis(result, report, outputs, save_arrays=options.save_arrays)
     return result.memory
 
 

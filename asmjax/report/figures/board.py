@@ -6,6 +6,7 @@ that these figures are about; they also take longer to solve than the figure tak
 
 import io
 import os
+from collections.abc import Callable
 from pathlib import Path
 
 from matplotlib.axes import Axes
@@ -15,6 +16,7 @@ from matplotlib.colors import Colormap, Normalize
 from matplotlib.figure import Figure
 
 from asmjax.report.figures.style import DPI, FAINT, INK, style
+from asmjax.writing import Writer, write_file
 
 TITLE = 30
 """Height in pixels of a panel's one-line title."""
@@ -151,7 +153,11 @@ def png(figure: Figure) -> bytes:
 
 
 def save(figure: Figure, path: str | os.PathLike) -> Path:
-    """Write a PNG at the figure's own pixels and return its path."""
-    path = Path(path)
-    path.write_bytes(png(figure))
-    return path
+    """Write a PNG at the figure's own pixels and return its path. Raises `WriteError`."""
+    write_file(path, drawing(lambda: figure))
+    return Path(path)
+
+
+def drawing(draw: Callable[[], Figure]) -> Writer:
+    """Writes a PNG of a figure, drawn when it is wanted."""
+    return lambda file: file.write(png(draw()))

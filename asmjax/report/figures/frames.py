@@ -1,9 +1,8 @@
 """Pictures of a walkthrough: a strip of its frames, and an animation of them all."""
 
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -18,6 +17,7 @@ from asmjax.report.figures.shadows import worst_spots
 from asmjax.report.figures.spots import Spot, outline
 from asmjax.report.figures.style import FALSE_DARK, FALSE_LIT, SPOT_COLOURS, hex_rgb, styled
 from asmjax.report.table import significant
+from asmjax.writing import Writer
 
 FRAME_WIDTH = 320
 """About how wide a frame is in the strip and in the animation, pixels."""
@@ -144,9 +144,12 @@ def _spread(count: int) -> list[int]:
     return np.unique(np.linspace(0, count - 1, STRIP).round().astype(int)).tolist()
 
 
-def write_animation(frames: Sequence[FramePicture], path: str | os.PathLike) -> Path:
-    """Write the frames as a GIF that repeats, and return its path."""
-    path = Path(path)
+def animation(frames: Sequence[FramePicture]) -> Writer:
+    """Writes the frames as a GIF that repeats."""
+    return lambda file: _write_animation(frames, file)
+
+
+def _write_animation(frames: Sequence[FramePicture], file: BinaryIO) -> None:
     images = [Image.fromarray(frame.image) for frame in frames]
     # One palette for all frames, from some of them side by side: colours must not flicker.
     some = np.concatenate([frames[k].image for k in _spread(len(frames))], axis=1)
@@ -155,11 +158,11 @@ def write_animation(frames: Sequence[FramePicture], path: str | os.PathLike) -> 
     )
     indexed = [image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images]
     indexed[0].save(
-        path,
+        file,
+        "GIF",
         save_all=True,
         append_images=indexed[1:],
         duration=round(1000 * FRAME_SECONDS),
         loop=0,
         optimize=False,
     )
-    return path

@@ -1,6 +1,8 @@
 """The view itself as plain pictures, one for each shadow: to be laid over each other."""
 
 import os
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +12,7 @@ from PIL import Image
 
 from asmjax.report.figures.errors import error_image, growth
 from asmjax.report.figures.pictures import RunPictures
+from asmjax.writing import Writer, write_files
 
 TRUTH = "seen_truth.png"
 """The view under its true shadow."""
@@ -32,29 +35,37 @@ def wrong_name(method: str) -> str:
 
 
 def write_seen(pictures: RunPictures, folder: str | os.PathLike) -> list[Path]:
-    """Write the view under truth and under up to three methods, and the wrong pixels of these;
-    returns the files. The folder must exist.
+    """Write `seen_files` into a folder that exists; returns the paths. Raises `WriteError`."""
+    return write_files(folder, seen_files(pictures))
+
+
+def seen_files(pictures: RunPictures) -> dict[str, Writer]:
+    """The view under truth and under up to three methods, and the wrong pixels of these.
 
     All have one size and no margin, so that they fit over each other pixel by pixel.
     """
-    folder = Path(folder)
     names = pictures.drawn_methods(_MOST_METHODS)
     grow = growth(pictures, names, min(pictures.size[0], _MOST_SIDE))
-    written = [_write(pictures.shaded(pictures.truth), folder / TRUTH)]
+    files = {TRUTH: _picture(lambda: pictures.shaded(pictures.truth))}
     for name in names:
-        visibility = pictures.visibilities[name]
-        wrong = error_image(pictures.truth, visibility, pictures.valid, grow)
-        written.append(_write(pictures.shaded(visibility), folder / seen_name(name)))
-        written.append(_write(wrong, folder / wrong_name(name)))
-    return written
+        lit = pictures.visibilities[name]
+        files[seen_name(name)] = _picture(partial(pictures.shaded, lit))
+        files[wrong_name(name)] = _picture(
+            partial(error_image, pictures.truth, lit, pictures.valid, grow)
+        )
+    return files
 
 
-def _write(image: np.ndarray, path: Path) -> Path:
+def _picture(make: Callable[[], np.ndarray]) -> Writer:
+    return lambda file: _reduced(make()).save(file, "PNG", compress_level=6)
+
+
+def _reduced(image: np.ndarray) -> Image.Image:
+    """The picture at its own size, or smaller where it is too large."""
     height, width = image.shape[:2]
     picture = Image.fromarray(image)
     scale = _MOST_SIDE / max(height, width)
     if scale < 1:
         size = max(1, round(scale * width)), max(1, round(scale * height))
         picture = picture.resize(size, Image.Resampling.BOX)
-    picture.save(path, compress_level=6)
-    return path
+    return picture
