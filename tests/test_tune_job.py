@@ -12,8 +12,8 @@ from asmjax.cli.parse import parse
 from asmjax.errors import UseError
 from asmjax.experiment.bench import Bench
 from asmjax.options import LEAST_EVALUATIONS, PRICE, TuneOptions
-from asmjax.preparation import MEASUREMENTS
 from asmjax.report import validate_report
+from asmjax.report.outputs import MEASUREMENTS
 from asmjax.shadow import (
     AdaptiveShadowMap,
     UniformShadowMap,
@@ -27,6 +27,7 @@ from asmjax.tuning.calibrate import Calibration
 from asmjax.tuning.correction import no_correction
 from asmjax.tuning.goal import Goal
 from asmjax.tuning.result import Candidate, Outcome, TuneResult, best_of
+from asmjax.tuning.rivals import grid_size
 from asmjax.tuning.space import space_of
 from asmjax.tuning.surrogate import Fit
 from asmjax.tuning.tried import candidate
@@ -289,8 +290,23 @@ def test_options_arrive():
     )  # fmt: skip
     assert parse(["tune", *words.split()], cli.COMMANDS) == ("tune", wanted)
     assert parse(["tune"], cli.COMMANDS) == ("tune", TuneOptions())
-    # The options may not import the search: it loads JAX.
-    assert LEAST_EVALUATIONS == tuner.LEAST_EVALUATIONS
+
+
+def test_help_and_pages_say_the_numbers_of_the_search(capsys, monkeypatch):
+    """What is asked for is what the search refuses to go below, and what it does."""
+    monkeypatch.setenv("COLUMNS", "1000")
+    with pytest.raises(SystemExit):
+        cli.main(["tune", "--help"])
+    said = capsys.readouterr().out
+    assert f"real map, {LEAST_EVALUATIONS} or more" in said
+    assert LEAST_EVALUATIONS == tuner.LEAST_EVALUATIONS == 14 + 36 + 2 * 5
+    assert f"its first {tuner.SAMPLES} samples" in said
+    assert f"a grid of {grid_size()}, the rest" in said
+    docs = Path(__file__).parents[1] / "docs"
+    pages = {path.name: path.read_text(encoding="utf-8") for path in docs.glob("*.md")}
+    assert f"its first {tuner.SAMPLES} are the search's own samples" in " ".join(pages.values())
+    found = f"at most {tuner.SINGLES}), and {tuner.SAMPLES} settings drawn at random"
+    assert found in pages["accuracy_and_time.md"]
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,6 @@ class that inherits the groups it needs, so notebooks and the command line use o
 
 from asmjax.options.checks import LARGEST, force_of
 from asmjax.options.commands import (
-    LEAST_EVALUATIONS,
     AnalyzeOptions,
     CompareOptions,
     InfoOptions,
@@ -48,6 +47,7 @@ from asmjax.options.groups import (
     ViewOptions,
     WalkOptions,
 )
+from asmjax.options.search import LEAST_EVALUATIONS
 from asmjax.options.sweep import StoreOptions, SweepOptions, SweptOptions, WorkerOptions
 
 __all__ = [

@@ -36,9 +36,7 @@ from asmjax.options.groups import (
     ViewOptions,
     WalkOptions,
 )
-
-LEAST_EVALUATIONS = 60
-"""Fewer cannot calibrate the surrogate that leads a search, and check what it says."""
+from asmjax.options.search import LEAST_EVALUATIONS
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

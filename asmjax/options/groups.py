@@ -5,6 +5,8 @@ from typing import Annotated, Literal
 
 from tyro.conf import Positional, arg
 
+from asmjax.options.search import GRID_POINTS, LEAST_EVALUATIONS, SAMPLES
+
 MEGABYTE = 2**20
 """Bytes in one MB of the command line."""
 
@@ -22,9 +24,10 @@ Force = Literal["none", "hard", "soft"]
 """What may be asked for, whatever the numbers say."""
 
 
-def _named(metavar: str, default: str) -> object:
-    """An option that may be left out; `default` says in words what happens then."""
-    return arg(metavar=metavar, help_behavior_hint=f"(default: {default})")
+def _named(metavar: str, default: str, text: str | None = None) -> object:
+    """An option that may be left out; `default` says in words what happens then, and `text` what it
+    is for, where no text stands below it."""
+    return arg(metavar=metavar, help_behavior_hint=f"(default: {default})", help=text)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -173,14 +176,20 @@ class TrialOptions:
 class PatienceOptions:
     """How long it may take, and whether it begins anew."""
 
-    minutes: Annotated[float | None, _named("MINUTES", "until everything is tried")] = None
-    """Time after which no further trial begins. The most telling come first, and the same command
-    goes on from there. Tuning measures its first 40 samples and the held-out views all the
-    same."""
+    minutes: Annotated[
+        float | None,
+        _named(
+            "MINUTES",
+            "until everything is tried",
+            "Time after which no further trial begins. The most telling come first, and the same "
+            f"command goes on from there. Tuning measures its first {SAMPLES} samples and the "
+            "held-out views all the same.",
+        ),
+    ] = None
 
     fresh: bool = False
     """Forget the measurements that an earlier run left in the folder; otherwise those of the same
-    scene, views, settings and machine are used again."""
+    scene with the same files, views, settings and machine are used again."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -210,9 +219,15 @@ class SearchOptions:
     ] = ()
     """Other views, on which the best settings are measured again, and which choose among them."""
 
-    evaluations: Annotated[int, arg(metavar="COUNT")] = 70
-    """Settings that the search may try on the real map, 50 or more; the default, a grid of 32, the
-    rest of a random search and what is measured on the held-out views come on top."""
+    evaluations: Annotated[
+        int,
+        arg(
+            metavar="COUNT",
+            help=f"Settings that the search may try on the real map, {LEAST_EVALUATIONS} or more; "
+            f"the default, a grid of {GRID_POINTS}, the rest of a random search and what is "
+            "measured on the held-out views come on top.",
+        ),
+    ] = 70
 
     repeats: Annotated[int, arg(metavar="COUNT")] = 3
     """Timed runs on the held-out views, all settings in turns."""

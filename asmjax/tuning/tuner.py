@@ -21,6 +21,7 @@ from scipy.stats import spearmanr
 from asmjax.errors import require
 from asmjax.experiment.bench import Bench
 from asmjax.experiment.ledger import Ledger
+from asmjax.options.search import LEAST_EVALUATIONS, PROPOSALS, ROUNDS, SAMPLES, SINGLES
 from asmjax.shadow import AdaptiveShadowMap
 from asmjax.tuning.calibrate import Calibration, calibrated_fit
 from asmjax.tuning.evidence import Evidence, evidence_of
@@ -41,19 +42,6 @@ from asmjax.tuning.rivals import drawn, grid, grid_size
 from asmjax.tuning.search import Model, model_of, said_of, search
 from asmjax.tuning.space import space_of
 from asmjax.tuning.tried import RIVALS, Tried
-
-SAMPLES = 36
-"""Of the evaluations, those drawn at random that the surrogate is fitted to first."""
-
-SINGLES = 14
-"""Of the evaluations, at most those that differ from the default in one setting: people try these
-first, and around the default the fit must be right."""
-
-ROUNDS, PROPOSALS = 2, 5
-"""Rounds of searching, and settings that each proposes and that are measured."""
-
-LEAST_EVALUATIONS = SINGLES + SAMPLES + ROUNDS * PROPOSALS
-"""Fewer leave nothing for neighbours."""
 
 STARTS = 2
 """Of each search: of the best measured, and of the best by the surrogate."""
