@@ -37,7 +37,7 @@ from asmjax.shadow import (
     SubdividedShadowMap,
     UniformShadowMap,
 )
-from asmjax.shadow.warped.strength import shaped_strength
+from asmjax.shadow.warped.strength import half_view, shaped_strength
 from asmjax.theory.arguments import NARROWEST, WIDEST
 
 FIRST_DEG = 2.0
@@ -81,17 +81,19 @@ class ViewRange:
     Attributes:
         alpha: farthest / nearest eye depth of the visible receivers.
         theta: half the horizontal field of view, radians.
+        half_view: half of the larger field of view, radians, by which maps shape their warps.
     """
 
     alpha: float
     theta: float
+    half_view: float
 
 
 def view_range(eye: EyeBuffer) -> ViewRange:
     """Depth range and field of view of what an eye sees."""
     depth = eye.depth[eye.valid].astype(np.float64)
     half = np.arctan(0.5 * eye.camera.width / eye.camera.focal[0])
-    return ViewRange(float(depth.max() / depth.min()), float(half))
+    return ViewRange(float(depth.max() / depth.min()), float(half), half_view(eye))
 
 
 def sweep_angles(count: int) -> list[float]:
@@ -207,5 +209,5 @@ def _light_space(falloff: str, seen: ViewRange, gamma: np.ndarray) -> np.ndarray
     sine, spread = np.sin(gamma), np.tan(seen.theta) * np.cos(gamma)
     lower, upper = sine - spread, sine + spread
     extent = seen.alpha * upper - np.minimum(lower, seen.alpha * lower)
-    xi = np.array([shaped_strength(angle, seen.theta) for angle in gamma.tolist()])
+    xi = np.array([shaped_strength(angle, seen.half_view) for angle in gamma.tolist()])
     return sine * np.asarray(theory.u_from_xi(xi, 1 + extent * sine))
