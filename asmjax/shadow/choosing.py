@@ -5,6 +5,7 @@ each entry of the registry. `python -m asmjax.shadow.choosing docs/choosing.md` 
 between the page's two markers.
 """
 
+import math
 from dataclasses import MISSING, fields
 from typing import NamedTuple
 
@@ -12,6 +13,7 @@ from asmjax.errors import require
 from asmjax.shadow.base import ShadowAlgorithm
 from asmjax.shadow.pages import between_markers, write_pages
 from asmjax.shadow.registry import ALGORITHMS
+from asmjax.shadow.warped.body import STILL
 
 BEGIN = "<!-- begin: written by `python -m asmjax.shadow.choosing docs/choosing.md` -->"
 END = "<!-- end -->"
@@ -43,6 +45,11 @@ class Words(NamedTuple):
     choose: str
 
 
+UNSHAPED = (
+    "light near the view's direction: the warp grows no weaker before it ends, at "
+    f"{math.degrees(math.asin(STILL)):.1f} degrees"
+)
+
 WORDS = {
     "uniform": Words(
         "N x N texels per light face: depth (4 bytes), primitive id (2 bytes), or both",
@@ -65,19 +72,19 @@ WORDS = {
     "light-space": Words(
         "N x N texels, a perspective whose error is the same at both ends",
         "1",
-        "light within half the field of view of the view's direction: no warp is left",
+        "light within a sixth of the field of view of the view's direction: no warp is left",
         "the single warp to begin with",
     ),
     "trapezoidal": Words(
         "N x N texels, 80 % of the rows up to a focus",
         "1",
-        "as above; what lies beyond the focus",
+        f"what lies beyond the focus; {UNSHAPED}",
         "a known distance matters, such as that of a player",
     ),
     "logarithmic": Words(
         "N x N texels, logarithmic along the view",
         "1",
-        "as above",
+        UNSHAPED,
         "far / near is large and light comes across the view: the least error one map can have",
     ),
     "partitioned": Words(
