@@ -15,11 +15,12 @@ from asmjax.scene import LightSpec, Rectangle, SceneSpec, Sphere, ViewSpec
 
 SMOKE = "ASMJAX_SMOKE" in os.environ
 SIDE = 40 if SMOKE else 512
+SIZE = (SIDE, SIDE) if SMOKE else None  # None: as the scene's sensor says.
 MEMORY_MB = 0.25 if SMOKE else 4.0
 
 # %% [markdown]
 # ## A scene file
-# Yours is probably there already; this one is written here. Sizes of its film are only a default.
+# Yours is probably there already; this one is written here.
 
 # %%
 SCENE = """<scene version="3.0.0">
@@ -65,8 +66,11 @@ SCENE = """<scene version="3.0.0">
 """
 folder = Path("out/your_own_scene")
 folder.mkdir(parents=True, exist_ok=True)
-path = folder / "terrace.xml"
-path.write_text(SCENE, encoding="utf-8")
+terrace = folder / "terrace.xml"
+terrace.write_text(SCENE, encoding="utf-8")
+
+# Put the path of a scene of your own here: path = "/home/me/room/room.xml".
+path = terrace
 
 # A file from elsewhere is checked first, in a child process: docs/scene_files.md.
 scene = asmjax.load_scene(path)
@@ -87,7 +91,7 @@ print(plan.explain())
 
 # %%
 result = asmjax.measure_scene(
-    asmjax.RunOptions(scene=str(path), size=(SIDE, SIDE), memory_mb=MEMORY_MB, repeats=2)
+    asmjax.RunOptions(scene=str(path), size=SIZE, memory_mb=MEMORY_MB, repeats=2)
 )
 report = report_of(result, seed=0)
 print(comparison_table(report["methods"]))
