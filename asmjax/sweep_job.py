@@ -75,9 +75,9 @@ def run_sweep_job(options: SweepOptions) -> SweepSummary | None:
         result = _run(sweep, store, options)
         summary = replace(summary, result=result, seconds=time.monotonic() - start)
         write_summary(summary, folder, command)
+    _raise_if_left(result, folder)
     if not options.quiet:
         print(summary.text(folder))
-    _raise_if_left(result, folder)
     return summary
 
 

@@ -10,7 +10,7 @@ PACKAGE = Path(__file__).parents[1] / "asmjax"
 
 # Lowest first; what stands in one row may not import its neighbours either.
 LAYERS = [
-    {"errors", "paths", "machine", "numerics"},
+    {"errors", "paths", "machine", "numerics", "interruption"},
     {"memory", "toml_files", "fronts", "writing"},
     {"options"},
     {"geometry"},

@@ -12,6 +12,7 @@ import os
 import sys
 
 from asmjax.errors import UseError
+from asmjax.interruption import interruption_waits
 
 
 @dataclasses.dataclass(frozen=True)
@@ -96,12 +97,9 @@ def main(arguments: list[str] | None = None) -> int:
     arguments = sys.argv[1:] if arguments is None else arguments
     logging.basicConfig(format="%(name)s: %(levelname)s: %(message)s", level=logging.WARNING)
     try:
-        from asmjax.cli.parse import parse
-
-        name, options = parse(arguments, COMMANDS)
-        if COMMANDS[name].measures:
-            prepare_to_measure()
-        load(COMMANDS[name].action)(options)
+        with interruption_waits():
+            action, options = prepared(arguments)
+        action(options)
         sys.stdout.flush()
     except UseError as problem:
         print(f"asmjax: error: {' '.join(str(problem).split())}", file=sys.stderr)
@@ -116,6 +114,16 @@ def main(arguments: list[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     return 0
+
+
+def prepared(arguments: list[str]):
+    """What a command line asks to be called, with which options; all that it needs is loaded."""
+    from asmjax.cli.parse import parse
+
+    name, options = parse(arguments, COMMANDS)
+    if COMMANDS[name].measures:
+        prepare_to_measure()
+    return load(COMMANDS[name].action), options
 
 
 def prepare_to_measure() -> None:

@@ -14,16 +14,18 @@ import uuid
 import warnings
 from collections import Counter
 from collections.abc import Iterator
+from multiprocessing import resource_tracker
 from pathlib import Path
 from typing import Any
 
 import cloudpickle
 import dask.config
-from distributed import Client, KilledWorker, LocalCluster, Security, WorkerPlugin
+from distributed import Client, KilledWorker, LocalCluster, Security
 from distributed.client import Future
 from distributed.utils import silence_logging_cmgr
 
 from asmjax.errors import UseError
+from asmjax.interruption import interruption_waits
 from asmjax.sweep.addresses import check_certificates, scheduler_address
 from asmjax.sweep.ended import End, Ended
 from asmjax.sweep.pool import Lost, Run, Runnable
@@ -73,10 +75,13 @@ class Workers:
         self._rounds: Counter[str] = Counter()
         self._retired: set[str] = set()
         self._threads, self._counted = 0, -COUNT
-        self._open = contextlib.ExitStack()
-        self._client = self._open.enter_context(
-            _own_cluster(workers) if address is None else _connected(address)
-        )
+        with contextlib.ExitStack() as opening:
+            # It is looked at between trials: in the middle of what dask does it could be lost.
+            self._raise_if_interrupted = opening.enter_context(interruption_waits())
+            self._client = opening.enter_context(
+                _own_cluster(workers) if address is None else _connected(address)
+            )
+            self._open = opening.pop_all()
 
     def __enter__(self) -> "Workers":
         return self
@@ -118,9 +123,11 @@ class Workers:
         """A trial that ended; None where none does for about a second.
 
         Raises:
+            KeyboardInterrupt: there was an interruption.
             Lost: the scheduler is gone.
             UseError: no worker is left that can run trials.
         """
+        self._raise_if_interrupted()
         try:
             future = self._ended.get(timeout=COUNT)
         except queue.Empty:
@@ -211,22 +218,41 @@ def _own_cluster(workers: int) -> Iterator[Client]:
     with unset, warnings.catch_warnings():
         # On a busy machine it takes a second, which says nothing about its disk.
         warnings.filterwarnings("ignore", "Creating scratch directories")
-        cluster = LocalCluster(
-            n_workers=workers,
-            threads_per_worker=1,
-            processes=True,
-            host="127.0.0.1",
-            security=Security.temporary(),
-            # No dashboard; what is left of its server takes any port of the loopback.
-            scheduler_kwargs={"dashboard": False, "dashboard_address": "127.0.0.1:0"},
-            # Trials have processes and limits of their own.
-            memory_limit=0,
-            # Workers that come and go are the driver's to tell.
-            silence_logs=logging.CRITICAL,
-        )
-    with cluster, Client(cluster, set_as_default=False) as client:
-        client.register_plugin(_Deaf())
-        yield client
+        with _deaf():
+            cluster = _cluster()
+        with cluster, Client(cluster, set_as_default=False) as client:
+            cluster.scale(workers)
+            yield client
+
+
+def _cluster() -> LocalCluster:
+    """Without any worker yet."""
+    return LocalCluster(
+        n_workers=0,
+        threads_per_worker=1,
+        processes=True,
+        host="127.0.0.1",
+        security=Security.temporary(),
+        # No dashboard; what is left of its server takes any port of the loopback.
+        scheduler_kwargs={"dashboard": False, "dashboard_address": "127.0.0.1:0"},
+        # Trials have processes and limits of their own.
+        memory_limit=0,
+        # Workers that come and go are the driver's to tell.
+        silence_logs=logging.CRITICAL,
+    )
+
+
+@contextlib.contextmanager
+def _deaf() -> Iterator[None]:
+    """Threads that are started inside, and whatever processes they start later, do not hear an
+    interruption at the terminal, which is the driver's to handle."""
+    # Once it runs, starting a process leaves the signals of the thread that does it as they are.
+    resource_tracker.ensure_running()
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 @contextlib.contextmanager
@@ -245,10 +271,3 @@ def _connected(address: str) -> Iterator[Client]:
     # What comes and goes is the driver's to tell.
     with silence_logging_cmgr(logging.CRITICAL), client:
         yield client
-
-
-class _Deaf(WorkerPlugin):
-    """A worker that an interruption at the terminal does not end: the driver ends it."""
-
-    def setup(self, worker) -> None:
-        signal.signal(signal.SIGINT, signal.SIG_IGN)

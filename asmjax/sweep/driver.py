@@ -137,7 +137,7 @@ def run_sweep(
     kept = {key for key in fresh if now.get(key) != known.get(key)} | sweep.failed
     left = dict.fromkeys(key for key in fresh if key not in kept)
     return SweepResult(
-        status,
+        status if left else SweepStatus.COMPLETE,
         done=tuple(key for key in fresh if key in kept and key not in causes),
         skipped=tuple(key for key in wanted if key in settled),
         failed={key: causes[key] for key in wanted if key in causes and key not in left},

@@ -4,10 +4,12 @@ A pool is told to start trials, as many as it has room for, and gives back how t
 order. `asmjax.sweep.cluster` is the pool of many processes.
 """
 
+import contextlib
 from collections.abc import Callable
 from typing import Any, Protocol, runtime_checkable
 
-from asmjax.sweep.ended import Ended, attempt_within
+from asmjax.interruption import interruption_waits
+from asmjax.sweep.ended import End, Ended, attempt_within
 
 
 @runtime_checkable
@@ -84,10 +86,13 @@ class Here:
         self._trial: Runnable | None = None
 
     def __enter__(self) -> "Here":
+        self._open = contextlib.ExitStack()
+        self._raise_if_interrupted = self._open.enter_context(interruption_waits(0))
         return self
 
     def __exit__(self, *_) -> None:
-        self._trial = None
+        with self._open:
+            self._trial = None
 
     @property
     def running(self) -> int:
@@ -101,6 +106,11 @@ class Here:
         self._trial = trial
 
     def next(self) -> tuple[Runnable, Ended] | None:
+        self._raise_if_interrupted()
         trial, self._trial = self._trial, None
         assert trial is not None
-        return trial, attempt_within(self._deadline_s, self._run, trial.config)
+        ended = attempt_within(self._deadline_s, self._run, trial.config)
+        if ended.status != End.DONE:
+            # A library may have made another error of it.
+            self._raise_if_interrupted()
+        return trial, ended
