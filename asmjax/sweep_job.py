@@ -15,7 +15,7 @@ from asmjax.errors import UseError
 from asmjax.experiment.code import code_facts
 from asmjax.options.sweep import SweepOptions
 from asmjax.preparation import check_writable
-from asmjax.report.outputs import PAGE
+from asmjax.report.outputs import Outputs
 from asmjax.report.provenance import PACKAGES, provenance
 from asmjax.sweep.config import Sweep, sweep_of
 from asmjax.sweep.driver import SweepResult, SweepStatus, run_sweep
@@ -49,6 +49,7 @@ def run_sweep_job(options: SweepOptions) -> SweepSummary | None:
     )
     folder = Path(options.out or f"out/sweep-{sweep.name}")
     check_writable(folder)
+    outputs = Outputs(folder, "sweep")
     rows = stored_rows(folder) if (folder / BASE).is_file() else []
     expected = _expected(sweep, rows, options)
     if not options.quiet:
@@ -69,7 +70,7 @@ def run_sweep_job(options: SweepOptions) -> SweepSummary | None:
     start = time.monotonic()
     with Store.open(folder) as store:
         # Of an earlier run: it would not belong to these numbers.
-        (folder / PAGE).unlink(missing_ok=True)
+        outputs.forget()
         # One that is killed leaves a report too.
         write_summary(summary, folder, command)
         result = _run(sweep, store, options)
@@ -183,9 +184,6 @@ def _raise_if_left(result: SweepResult, folder: Path) -> None:
     kept = f"what is finished is in {folder}/; the same command goes on from there"
     if result.status is SweepStatus.INTERRUPTED:
         raise KeyboardInterrupt(f"{len(result.left)} trials are left; {kept}")
-    causes = {
-        SweepStatus.LOST: "the scheduler was lost",
-        SweepStatus.ALONE: "no worker was there for as long as --wait-minutes says",
-    }
-    if result.status in causes:
-        raise UseError(f"{causes[result.status]}, {len(result.left)} trials are left; {kept}.")
+    if result.status in (SweepStatus.LOST, SweepStatus.ALONE):
+        cause = result.cause or "the scheduler was lost"
+        raise UseError(f"{cause}, {len(result.left)} trials are left; {kept}.")

@@ -1,5 +1,6 @@
 """Sweeps in workers of dask: a crash costs one trial, kills cost nothing, and nobody is left."""
 
+import http.client
 import json
 import queue
 import random
@@ -24,6 +25,7 @@ from asmjax.sweep import cluster, watched
 from asmjax.sweep.cluster import Workers
 from asmjax.sweep.driver import SweepProgress, SweepStatus, run_sweep
 from asmjax.sweep.ended import End, Ended
+from asmjax.sweep.pool import Alone
 from asmjax.sweep.results import results
 from asmjax.sweep.store import Store
 from asmjax.sweep.watched import Limits
@@ -69,6 +71,7 @@ def test_workers_that_cannot_run_trials_are_sent_away(caplog):
     with Workers(run, Limits(LONG), 2) as pool:
         client = pool._client
         assert refused_without_certificate(client.scheduler.address)
+        assert nothing_is_served(client.cluster.scheduler.http_server.port)
         first, second = client.nthreads()
         client.run(lambda: setattr(sys, "executable", "/bin/false"), workers=[first])
         found = carried_out(pool, trials)
@@ -78,9 +81,7 @@ def test_workers_that_cannot_run_trials_are_sent_away(caplog):
         assert f"worker {first} cannot run trials, which others get now (CannotRun: " in caplog.text
         client.run(no_pipe, workers=[second])
         client.run(lambda: watched._all[0]._process.kill(), workers=[second])
-        with pytest.raises(
-            UseError, match="no worker is left .*OSError.*Too many open files.*same"
-        ):
+        with pytest.raises(Alone, match="no worker is left .*OSError.*Too many open files.*same"):
             carried_out(pool, trials[:1])
 
 
@@ -95,6 +96,17 @@ def refused_without_certificate(address: str) -> bool:
                 return not connection.recv(1)
         except (ssl.SSLError, ConnectionError):
             return True
+
+
+def nothing_is_served(port: int) -> bool:
+    """Whether all pages of a server are missing."""
+    answers = set()
+    for page in ("/", "/health", "/info/main/workers.html", "/json/identity.json", "/metrics"):
+        connection = http.client.HTTPConnection("127.0.0.1", port, timeout=10)
+        connection.request("GET", page)
+        answers.add(connection.getresponse().status)
+        connection.close()
+    return answers == {404}
 
 
 @pytest.mark.parametrize(("losses", "status"), [(0, "done"), (4, "done"), (99, "crashed")])

@@ -123,12 +123,13 @@ def test_quiet_says_nothing(asked, trials, capsys):
     [
         (SweepStatus.INTERRUPTED, KeyboardInterrupt, "2 trials are left; .*goes on from there"),
         (SweepStatus.LOST, UseError, "the scheduler was lost, 2 trials are left; .*goes on"),
-        (SweepStatus.ALONE, UseError, "no worker was there .*--wait-minutes.* 2 trials are left"),
+        (SweepStatus.ALONE, UseError, "nobody is there, 2 trials are left; .*goes on"),
     ],
 )
 def test_what_is_left_is_told(status, raised, said, asked, monkeypatch, tmp_path):
     """After the report was written."""
-    result = SweepResult(status, done=("a" * 32,), left=("b" * 32, "c" * 32))
+    cause = "nobody is there" if status is SweepStatus.ALONE else ""
+    result = SweepResult(status, done=("a" * 32,), left=("b" * 32, "c" * 32), cause=cause)
     monkeypatch.setattr(sweep_job, "run_sweep", lambda *args, **named: result)
     with pytest.raises(raised, match=said):
         run_sweep_job(asked(quiet=True))

@@ -28,7 +28,7 @@ from asmjax.errors import UseError
 from asmjax.interruption import interruption_waits
 from asmjax.sweep.addresses import check_certificates, scheduler_address
 from asmjax.sweep.ended import End, Ended
-from asmjax.sweep.pool import Lost, Run, Runnable
+from asmjax.sweep.pool import Alone, Lost, Run, Runnable
 from asmjax.sweep.watched import Limits, carry_out, stop_now
 
 _log = logging.getLogger("asmjax")
@@ -46,7 +46,7 @@ COUNT = 1.0
 FETCH = 60.0
 """Seconds in which what a worker answered must be here."""
 
-REMEDY = "give workers the environment of this process, with the same asmjax."
+REMEDY = "give workers the environment of this process, with the same asmjax"
 
 
 class Workers:
@@ -125,7 +125,8 @@ class Workers:
         Raises:
             KeyboardInterrupt: there was an interruption.
             Lost: the scheduler is gone.
-            UseError: no worker is left that can run trials.
+            Alone: no worker is left that can run trials.
+            UseError: one answers for another trial than it was given.
         """
         self._raise_if_interrupted()
         try:
@@ -139,7 +140,7 @@ class Workers:
             return self._without_answer(trial, future, problem)
         del self._running[str(future.key)]
         if ended.trial != trial.key:
-            raise UseError(f"a worker answered for another trial than it was given; {REMEDY}")
+            raise UseError(f"a worker answered for another trial than it was given; {REMEDY}.")
         return trial, ended
 
     def _without_answer(
@@ -174,7 +175,7 @@ class Workers:
         """Send away the worker that could not run a trial.
 
         Raises:
-            UseError: none is left, or it is not known which one it was.
+            Alone: none is left, or it is not known which one it was.
         """
         cause = f"{type(problem).__name__}: {problem}"
         with self._lost_when_closed():
@@ -189,9 +190,7 @@ class Workers:
                 self._client.retire_workers(workers=[place], close_workers=True)
             left = self._usable()
         if not told or not left:
-            raise UseError(
-                f"no worker is left that can run trials ({cause}); {REMEDY}"
-            ) from problem
+            raise Alone(f"no worker is left that can run trials ({cause}): {REMEDY}") from problem
 
     def _usable(self) -> dict[str, int]:
         """Threads of each worker that was not sent away, by address."""
@@ -213,9 +212,16 @@ class Workers:
 def _own_cluster(workers: int) -> Iterator[Client]:
     """A client of a cluster on this machine: no dashboard, one thread a worker, and only on the
     loopback, where nobody else of this machine has the certificates."""
-    # Dask would set variables of this process, and so of all that it starts later.
-    unset = dask.config.set({"distributed.nanny.pre-spawn-environ": {}})
-    with unset, warnings.catch_warnings():
+    settings = dask.config.set(
+        {
+            # Dask would set variables of this process, and so of all that it starts later.
+            "distributed.nanny.pre-spawn-environ": {},
+            # Without a dashboard it would serve pages all the same.
+            "distributed.scheduler.http.routes": [],
+            "distributed.worker.http.routes": [],
+        }
+    )
+    with settings, warnings.catch_warnings():
         # On a busy machine it takes a second, which says nothing about its disk.
         warnings.filterwarnings("ignore", "Creating scratch directories")
         with _deaf():
@@ -233,7 +239,7 @@ def _cluster() -> LocalCluster:
         processes=True,
         host="127.0.0.1",
         security=Security.temporary(),
-        # No dashboard; what is left of its server takes any port of the loopback.
+        # What is left of its server takes any port of the loopback.
         scheduler_kwargs={"dashboard": False, "dashboard_address": "127.0.0.1:0"},
         # Trials have processes and limits of their own.
         memory_limit=0,

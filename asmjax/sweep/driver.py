@@ -16,6 +16,7 @@ from asmjax.sweep.ended import End, Ended
 from asmjax.sweep.pool import Alone, Here, Lost, Pool, Run, Runnable
 from asmjax.sweep.store import Store
 from asmjax.sweep.watched import Limits
+from asmjax.sweep.words import in_words
 
 
 class SweepStatus(enum.Enum):
@@ -67,6 +68,7 @@ class SweepResult:
         skipped: trials that were known and not run again, ended well or not.
         failed: trials that did not end well, in this run or before, and why.
         left: trials that are still to be run.
+        cause: why no worker was there, where it ended without; empty otherwise.
     """
 
     status: SweepStatus
@@ -74,6 +76,7 @@ class SweepResult:
     skipped: tuple[str, ...] = ()
     failed: dict[str, str] = field(default_factory=dict)
     left: tuple[str, ...] = ()
+    cause: str = ""
 
 
 def run_sweep(
@@ -120,7 +123,7 @@ def run_sweep(
     fresh = [trial.key for trial in waiting]
     start = SweepProgress(len(wanted), len(wanted) - len(fresh))
     sweep = _Sweep(store, progress, start, alone_s)
-    status = SweepStatus.COMPLETE
+    status, cause = SweepStatus.COMPLETE, ""
     if waiting:
         limits = Limits(deadline_s, memory_bytes)
         try:
@@ -128,8 +131,8 @@ def run_sweep(
                 sweep.run(pool, waiting)
         except Lost:
             status = SweepStatus.LOST
-        except Alone:
-            status = SweepStatus.ALONE
+        except Alone as problem:
+            status, cause = SweepStatus.ALONE, str(problem)
         except KeyboardInterrupt:
             status = SweepStatus.INTERRUPTED
     # The store knows best: an interruption may have come between keeping and counting.
@@ -142,6 +145,7 @@ def run_sweep(
         skipped=tuple(key for key in wanted if key in settled),
         failed={key: causes[key] for key in wanted if key in causes and key not in left},
         left=tuple(left),
+        cause=cause,
     )
 
 
@@ -196,7 +200,7 @@ class _Sweep:
             )
         )
         if now - self._seen > self._alone_s:
-            raise Alone
+            raise Alone(f"no worker was there for {in_words(self._alone_s)} (--wait-minutes)")
 
 
 def _pool(

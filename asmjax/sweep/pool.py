@@ -37,7 +37,7 @@ class Lost(Exception):
 
 
 class Alone(Exception):
-    """No worker was there for as long as it may be."""
+    """No worker is there that can run trials; says why."""
 
 
 @runtime_checkable
@@ -64,7 +64,7 @@ class Pool(Protocol):
         ...
 
     def next(self) -> tuple[Runnable, Ended] | None:
-        """A trial that ended; None where none does for about a second. Raises `Lost`."""
+        """A trial that ended; None where none does for about a second. Raises `Lost`, `Alone`."""
         ...
 
     def __enter__(self) -> "Pool": ...
