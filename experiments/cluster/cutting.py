@@ -1,26 +1,20 @@
 """A sweep on three machines of a small network, one of which is cut off in the middle."""
 
-import os
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
 from cluster.namespaces import HUB, Network
-from helpers.sweep_runs import driver, environment, statuses
-
-HERE = Path(__file__).parent
+from helpers.sweep_runs import driver, statuses
+from helpers.sweep_tls import certified, program
 
 PORT = 8786
 
 TCP_TIMEOUT = "12s"
 """After which a silent connection counts as lost; dask's own is 30 s, its least 11."""
-
-PATIENCE = 60.0
-"""Seconds in which scheduler and workers must be there."""
 
 
 def cut_off(network: Network, folder: Path, count: int, seconds: float) -> dict[str, Any]:
@@ -31,7 +25,7 @@ def cut_off(network: Network, folder: Path, count: int, seconds: float) -> dict[
     with ExitStack() as stack:
 
         def started(place: int, *words: str) -> subprocess.Popen:
-            return stack.enter_context(_program(network.words(place, *words), settings, folder))
+            return stack.enter_context(program(network.words(place, *words), settings, folder))
 
         dask = [sys.executable, "-m"]
         started(0, *dask, "distributed.cli.dask_scheduler", "--host", HUB, "--port", str(PORT),
@@ -57,28 +51,3 @@ def cut_off(network: Network, folder: Path, count: int, seconds: float) -> dict[
         "seconds_after_cut": kept[-1] - cut,
         "tcp_timeout": TCP_TIMEOUT,
     }
-
-
-def certified(folder: Path) -> dict[str, str]:
-    """The environment of programs with new certificates of `certificates.sh`."""
-    tls = folder / "tls"
-    subprocess.run([str(HERE / "certificates.sh"), str(tls)], check=True)
-    words = ["bash", "-c", f"source '{tls}/settings.sh' && env -0"]
-    told = subprocess.run(words, capture_output=True, text=True, check=True).stdout
-    return environment() | {
-        name: value
-        for name, _, value in (line.partition("=") for line in told.split("\0"))
-        if name.startswith("DASK_")
-    }
-
-
-@contextmanager
-def _program(words: list[str], settings: dict[str, str], folder: Path) -> Iterator[Any]:
-    """A program that ends with the context; what it says goes to a file."""
-    with (folder / "said").open("a") as said:
-        process = subprocess.Popen(words, stdout=said, stderr=said, env=os.environ | settings)
-    try:
-        yield process
-    finally:
-        process.kill()
-        process.wait()

@@ -1,9 +1,10 @@
 """A sweep on a disk that gets full, at every size and every number of files up to what it needs.
 
-`unshare --mount python -m helpers.sweep_disk FOLDER` mounts small disks at FOLDER, one after the
-other, and prints a line of JSON for each: `limit` of the disk, `told`, what the sweep said (null
-where the disk was large enough), `lost`, trials that were told of and cannot be read while the disk
-is full, and `left` after the same sweep with more room.
+`unshare --mount python -m helpers.sweep_disk FOLDER [STEP]` mounts small disks at FOLDER, one after
+the other, with STEP pages or files more each time (one). It prints a line of JSON for each: `limit`
+of the disk, `told`, what the sweep said (null where the disk was large enough), `lost`, trials that
+were told of and cannot be read while the disk is full, and `left` after the same sweep with more
+room.
 """
 
 import json
@@ -63,13 +64,13 @@ def mount(disk: Path, limits: dict[str, str], again: bool = False) -> None:
     subprocess.run(words, check=True)
 
 
-def main(folder: str) -> None:
-    """All sizes in pages, then all numbers of files."""
+def main(folder: str, step: str = "1") -> None:
+    """Sizes in pages, then numbers of files."""
     disk = Path(folder)
     disk.mkdir(parents=True, exist_ok=True)
     for name, unit in (("size", "k"), ("nr_inodes", "")):
-        for step in range(1, 1000):
-            limit = {name: f"{4 * step}{unit}" if unit else str(step)}
+        for count in range(1, 1000, int(step)):
+            limit = {name: f"{4 * count}{unit}" if unit else str(count)}
             found = on_disk(disk, limit)
             print(json.dumps(found), flush=True)
             if found["told"] is None:
