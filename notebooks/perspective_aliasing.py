@@ -234,7 +234,13 @@ def sliders():
             60, 5, 90, 5, description="light, deg", continuous_update=False
         ),
         alpha=ipywidgets.FloatLogSlider(
-            50.0, 10, np.log10(2), 2, 0.1, description="far / near", continuous_update=False
+            value=50.0,
+            base=10,
+            min=np.log10(2),
+            max=2,
+            step=0.1,
+            description="far / near",
+            continuous_update=False,
         ),
         warp=ipywidgets.SelectionSlider(
             options=list(WARPS), value="light-space", description="warp", continuous_update=False
