@@ -1,9 +1,13 @@
 """Footprints: the sizes of pixels and texels on a surface, and what follows from them."""
 
 from asmjax.footprint.area import orthographic_area, perspective_area
-from asmjax.footprint.beams import log2_perspective_error
-from asmjax.footprint.benefit import cell_benefit, cell_index, cell_worst
-from asmjax.footprint.edges import straddles_discontinuity
+from asmjax.footprint.beams import log2_perspective_error, narrowest_pixel
+from asmjax.footprint.benefit import (
+    cell_benefit,
+    cell_index,
+    cell_worst,
+    straddles_discontinuity,
+)
 from asmjax.footprint.jacobian import (
     determinant,
     singular_values,
@@ -23,8 +27,9 @@ from asmjax.footprint.ratio import (
     log2_linear_ratio,
     log2_m,
     m,
+    n_required,
+    required_level,
 )
-from asmjax.footprint.required import n_required, required_level
 
 __all__ = [
     "LOG2_WORST",
@@ -43,6 +48,7 @@ __all__ = [
     "log2_sampled_length",
     "m",
     "n_required",
+    "narrowest_pixel",
     "orthographic_area",
     "perspective_area",
     "required_level",

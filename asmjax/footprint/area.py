@@ -1,6 +1,7 @@
 """World area of one pixel or texel on a surface (docs/theory.md)."""
 
 import jax.numpy as jnp
+from jaxtyping import Array, Float
 
 from asmjax.numerics import dot, safe_divide
 
@@ -8,7 +9,12 @@ EDGE_ON = 64
 """Cosines of so many rounding units have lost all but two or three of their digits."""
 
 
-def perspective_area(position, normal, axis, focal):
+def perspective_area(
+    position: Float[Array, "3 n"],
+    normal: Float[Array, "3 n"],
+    axis: Float[Array, " 3"],
+    focal: Float[Array, " 2"],
+) -> Float[Array, " n"]:
     """Area that one pixel of a pinhole covers on the tangent plane of a point, scene units squared.
 
     A = z^3 / (F_x F_y |n . (X - C)|), with axial depth z. Frames that image a plane rectangle
@@ -34,7 +40,9 @@ def perspective_area(position, normal, axis, focal):
     return jnp.where(seen, slant * pixel, jnp.inf)
 
 
-def orthographic_area(normal, axis, texel):
+def orthographic_area(
+    normal: Float[Array, "3 n"], axis: Float[Array, " 3"], texel: Float[Array, " 2"]
+) -> Float[Array, " n"]:
     """Area that one texel of a parallel projection covers: w_s w_t / |n . l|, scene units squared.
 
     Args:

@@ -36,7 +36,7 @@ def log2_perspective_error(
         Where nothing is known, `LOG2_WORST`: not facing, not in front of the camera, no texel.
     """
     width, log2_fineness, held = _widest_texel(frame, receivers, density)
-    pixel = _narrowest_pixel(points, camera)
+    pixel = narrowest_pixel(points, camera)
     known = receivers.facing & held & (pixel > 0)
     # Divided first: logarithms of widths in scene units would lose digits to the unit.
     widths = jnp.where(known, width, 1) / jnp.where(known, pixel, 1)
@@ -44,7 +44,7 @@ def log2_perspective_error(
     return jnp.where(known, jnp.minimum(ratio, LOG2_WORST), LOG2_WORST)
 
 
-def _narrowest_pixel(points: SurfacePoints, camera: Camera):
+def narrowest_pixel(points: SurfacePoints, camera: Camera) -> Float[Array, " n"]:
     """Width (n,) of a pixel's beam where narrowest, scene units; 0 where there is none."""
     dtype = points.position.dtype
     x, y, z = (dot(jnp.asarray(row, dtype), points.position) for row in camera.rotation)

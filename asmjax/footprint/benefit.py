@@ -1,4 +1,6 @@
-"""Benefit: how many eye pixels a finer map of a light-space cell would help."""
+"""Benefit: where refinement can pay, and how many eye pixels a finer map of a cell would help."""
+
+from collections.abc import Sequence
 
 import jax
 import jax.numpy as jnp
@@ -8,6 +10,21 @@ from asmjax.errors import require
 
 MOST_CELLS = 2**14
 """Cells a side: those of six faces still have numbers of 31 bits."""
+
+
+def straddles_discontinuity(
+    lit_taps: Bool[Array, "taps n"] | Sequence[Bool[Array, " n"]],
+) -> Bool[Array, " n"]:
+    """Whether the taps around a pixel see both outcomes for *this* receiver: 0 < PCF < 1.
+
+    Relative to the receiver, unlike a threshold on depth gaps: free of scale, and it marks
+    exactly the pixels whose visibility more texels could change.
+    """
+    # Written out: a reduction over the first axis takes XLA's CPU backend several times as long.
+    some, every = lit_taps[0], lit_taps[0]
+    for lit in lit_taps[1:]:
+        some, every = some | lit, every & lit
+    return some & ~every
 
 
 def cell_index(uv: Float[Array, "2 n"], face: Int[Array, " n"], cells: int) -> Int[Array, " n"]:

@@ -8,6 +8,8 @@ the exact footprint of `uv_jacobian` this shows what graphics hardware got wrong
 (docs/theory.md).
 """
 
+from collections.abc import Sequence
+
 import jax
 import jax.numpy as jnp
 from jax.typing import ArrayLike
@@ -76,7 +78,10 @@ def log2_mipmap_ratio(
     return jnp.where(known, jnp.minimum(in_eye - in_light, worst), worst)
 
 
-def log2_sampled_length(log2_axes, log2_max_anisotropy):
+def log2_sampled_length(
+    log2_axes: Float[Array, " 2 *points"] | Sequence[Float[Array, " *points"]],
+    log2_max_anisotropy: Float[Array, "..."] | float,
+) -> Float[Array, " *points"]:
     """log2 of the length by which the hardware chooses a level: longest / min(stretch, most).
 
     The rule of OpenGL's EXT_texture_filter_anisotropic, P_max / N with N the stretch P_max / P_min
@@ -91,7 +96,9 @@ def log2_sampled_length(log2_axes, log2_max_anisotropy):
     return jnp.maximum(jnp.minimum(one, other), longest - log2_max_anisotropy)
 
 
-def log2_mip_value(level, eight_bit: bool = False):
+def log2_mip_value(
+    level: Float[Array, " *points"], eight_bit: bool = False
+) -> Float[Array, " *points"]:
     """log2 of what trilinear filtering reads at a real-valued level, 0 being the coarsest.
 
     Level k holds 2^k, and between levels the value is linear: 2^k (1 + f) at k + f. That is too

@@ -4,7 +4,7 @@ Formulas are written once more here, as the papers print them, with the operator
 cancels or overflows in floating point does not at fifty digits.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from decimal import MAX_EMAX, MIN_EMIN, Context, Decimal, localcontext
 
 import numpy as np
@@ -80,6 +80,13 @@ def dot(a: Iterable, b: Iterable) -> Exact:
     for term in rest:
         first = first + term
     return np.asarray(first, object)
+
+
+def cross(a: Sequence, b: Sequence) -> Exact:
+    """Cross product over the first axis."""
+    return np.stack([
+        a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+    ])  # fmt: skip
 
 
 def _context() -> Context:

@@ -7,7 +7,7 @@ import numpy as np
 from asmjax.geometry.reintersect import meet_triangles
 from asmjax.hard_cases.addresses import EYE, addressed, exact_uv, floor_seen, lamp
 from asmjax.hard_cases.case import Bound, HardCase, Kernel
-from asmjax.hard_cases.exact import dot, fifty
+from asmjax.hard_cases.exact import cross, dot, fifty
 from asmjax.shadow.adaptive.address import DEEPEST_LOG2
 
 _CORNERS = np.array([[-40.0, 45.0, -3.0], [-37.0, -35.0, 52.0], [0.0, 0.0, 0.0]]) - EYE[:, None]
@@ -16,15 +16,9 @@ _CORNERS = np.array([[-40.0, 45.0, -3.0], [-37.0, -35.0, 52.0], [0.0, 0.0, 0.0]]
 _meet = jax.jit(meet_triangles)
 
 
-def _cross(a, b):
-    return np.stack([
-        a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-    ])  # fmt: skip
-
-
 def _exact_t(ray, a, b, c):
     """Where the ray from 0 meets the plane of three corners, in decimals."""
-    normal = _cross(b - a, c - a)
+    normal = cross(b - a, c - a)
     return dot(normal, a) / dot(normal, ray)
 
 

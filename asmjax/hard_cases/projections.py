@@ -10,7 +10,7 @@ from asmjax.buffers.receivers import GRAZING
 from asmjax.footprint import perspective_area
 from asmjax.geometry import LightFrame, basis_from_axis, fixed_frame, look_at
 from asmjax.hard_cases.case import Bound, HardCase, Kernel
-from asmjax.hard_cases.exact import digits, dot, fifty, floats, slope
+from asmjax.hard_cases.exact import cross, digits, dot, fifty, floats, slope
 from asmjax.shadow.comparison import BIAS, plane_depth, plane_is_trusted
 from asmjax.theory.aliasing import LEAST_COSINE
 
@@ -234,15 +234,9 @@ def _up_rotation(up):
 def _up_exact(up):
     forward = digits(_TURN[2])
     forward = forward / np.sqrt(dot(forward, forward))
-    right = _cross(forward, up)
+    right = cross(forward, up)
     right = right / np.sqrt(dot(right, right))
-    return np.stack([right, _cross(forward, right), forward])
-
-
-def _cross(a, b):
-    return np.stack([
-        a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-    ])  # fmt: skip
+    return np.stack([right, cross(forward, right), forward])
 
 
 def _up_along(severity: float) -> Kernel:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Bool, Float64, Shaped
 
 from asmjax.errors import require
 from asmjax.metrics.visibility_error import visibility_error
@@ -66,7 +67,10 @@ class BoundaryDisplacement:
     edges: int
 
 
-def surface_pairs(valid, depth=None) -> SurfacePairs:
+def surface_pairs(
+    valid: Bool[np.ndarray, "height width"],
+    depth: Shaped[np.ndarray, "height width"] | None = None,
+) -> SurfacePairs:
     """Neighbours that are both valid and between which the depth does not jump.
 
     Along a silhouette truth and method change together whatever the method does; such edges
@@ -106,7 +110,9 @@ def _continuous(inverse: np.ndarray, mask: np.ndarray) -> np.ndarray:
     return both & (gap <= allowed)
 
 
-def boundary_edges(visibility, pairs: SurfacePairs) -> SurfacePairs:
+def boundary_edges(
+    visibility: Shaped[np.ndarray, "height width"], pairs: SurfacePairs
+) -> SurfacePairs:
     """The edges of a visibility image's boundary, as masks over `pairs`."""
     lit = _lit(visibility, pairs)
     return SurfacePairs(
@@ -124,8 +130,8 @@ def _lit(visibility, pairs: SurfacePairs) -> np.ndarray:
     return image >= 0.5
 
 
-def edge_midpoints(edges: SurfacePairs) -> np.ndarray:
-    """(n, 2) float64 midpoints (x, y) in pixels; the centre of pixel (0, 0) is (0.5, 0.5)."""
+def edge_midpoints(edges: SurfacePairs) -> Float64[np.ndarray, "edges 2"]:
+    """Midpoints (x, y) in pixels; the centre of pixel (0, 0) is (0.5, 0.5)."""
     rows, columns = np.nonzero(edges.right)
     right = np.stack([columns + 1.0, rows + 0.5], axis=1)
     rows, columns = np.nonzero(edges.down)
@@ -160,7 +166,9 @@ def boundary_length(edges: SurfacePairs) -> float:
     return total
 
 
-def distances(points: np.ndarray, targets: np.ndarray) -> np.ndarray:
+def distances(
+    points: Float64[np.ndarray, "points 2"], targets: Float64[np.ndarray, "targets 2"]
+) -> Float64[np.ndarray, " points"]:
     """Distance in pixels from each point to the nearest target; inf beyond `CAP_PX`.
 
     A k-d tree and not a distance transform: boundaries are sparse, and it is some ten times
@@ -177,7 +185,12 @@ def distances(points: np.ndarray, targets: np.ndarray) -> np.ndarray:
     return np.asarray(distance)
 
 
-def boundary_displacement(truth, visibility, valid, pairs: SurfacePairs) -> BoundaryDisplacement:
+def boundary_displacement(
+    truth: Shaped[np.ndarray, "height width"],
+    visibility: Shaped[np.ndarray, "height width"],
+    valid: Bool[np.ndarray, "height width"],
+    pairs: SurfacePairs,
+) -> BoundaryDisplacement:
     """M2 and M3: distances between the boundaries of truth and of a method, in pixels.
 
     The two one-sided sets of distances, method to truth and truth to method, are pooled: the

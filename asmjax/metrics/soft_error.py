@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Bool, Shaped
 
 from asmjax.metrics.boundary import (
     CAP_PX,
@@ -49,7 +50,11 @@ class SoftError(NamedTuple):
 
 
 def soft_error(
-    truth, visibility, valid, pairs: SurfacePairs, standard_error: np.ndarray | float = 0.0
+    truth: Shaped[np.ndarray, "height width"],
+    visibility: Shaped[np.ndarray, "height width"],
+    valid: Bool[np.ndarray, "height width"],
+    pairs: SurfacePairs,
+    standard_error: Shaped[np.ndarray, "height width"] | float = 0.0,
 ) -> SoftError:
     """Errors of images (height, width) of visibility from 0 to 1.
 

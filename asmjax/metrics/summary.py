@@ -1,10 +1,18 @@
 """All errors of one method, under the keys that `report.json` gives them."""
 
+import numpy as np
+from jaxtyping import Bool, Shaped
+
 from asmjax.metrics.boundary import SurfacePairs, boundary_displacement
 from asmjax.metrics.visibility_error import visibility_error
 
 
-def error_summary(truth, visibility, valid, pairs: SurfacePairs) -> dict:
+def error_summary(
+    truth: Shaped[np.ndarray, "height width"],
+    visibility: Shaped[np.ndarray, "height width"],
+    valid: Bool[np.ndarray, "height width"],
+    pairs: SurfacePairs,
+) -> dict:
     """The `error` entry of a method: plain floats, fractions of valid pixels and pixels.
 
     Arguments and errors as `boundary_displacement`.

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Bool, Float64, Shaped
 
 from asmjax.errors import require
 
@@ -24,7 +25,11 @@ class VisibilityError:
     count: int
 
 
-def signed_error(truth, visibility, valid) -> np.ndarray:
+def signed_error(
+    truth: Shaped[np.ndarray, "..."],
+    visibility: Shaped[np.ndarray, "..."],
+    valid: Bool[np.ndarray, "..."],
+) -> Float64[np.ndarray, "..."]:
     """(height, width) float64 `visibility - truth`, 0 where not valid: > 0 is false light.
 
     Args:
@@ -52,7 +57,11 @@ def signed_error(truth, visibility, valid) -> np.ndarray:
     return images[1] - images[0]
 
 
-def visibility_error(truth, visibility, valid) -> VisibilityError:
+def visibility_error(
+    truth: Shaped[np.ndarray, "..."],
+    visibility: Shaped[np.ndarray, "..."],
+    valid: Bool[np.ndarray, "..."],
+) -> VisibilityError:
     """M1: mean |visibility - truth| over valid pixels, false light and false dark apart.
 
     For hard shadows (0 or 1) these are fractions of pixels; for sub-sampled truth, fractions of

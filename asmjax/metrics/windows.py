@@ -1,9 +1,12 @@
 """Sums over square windows of an image."""
 
 import numpy as np
+from jaxtyping import Float64, Shaped
 
 
-def box_sum(image, side: int) -> np.ndarray:
+def box_sum(
+    image: Shaped[np.ndarray, "height width"], side: int
+) -> Float64[np.ndarray, "height width"]:
     """(height, width) float64: the sum over the window of `side` pixels around each pixel.
 
     Windows reach beyond the image, where the values count as 0. For an even `side` the window

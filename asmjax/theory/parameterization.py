@@ -21,6 +21,9 @@ allowed is a `UseError`; theta is in radians. Depths behind the eye have the err
 front of it.
 """
 
+from types import ModuleType
+from typing import Any
+
 import jax.numpy as jnp
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float
@@ -71,11 +74,16 @@ def u_from_xi(xi: ArrayLike, alpha: ArrayLike) -> Float[Array, "..."]:
     xi is the largest z error on a scale from g_0 = 1/sqrt(alpha) (0) to 1: below 0 it is reached
     on the near plane, above 0 on the far plane.
     """
-    xi, a1 = signed_strength(xi), depth_range(alpha)
-    root = jnp.sqrt(1 + a1)
+    return equation_4(signed_strength(xi), depth_range(alpha), jnp)
+
+
+def equation_4(xi: Any, a1: Any, xp: ModuleType) -> Any:
+    """`u_from_xi` of arguments known to be allowed, with a1 = alpha - 1: of NumPy's or JAX's
+    numbers, by the functions of that module."""
+    root = xp.sqrt(1 + a1)
     negative = xi <= 0
-    weak = (1 + xi) / (1 + root - jnp.where(negative, xi, 0.0) * a1)
-    return jnp.where(negative, weak, (1 + xi * root) / (1 + root))
+    weak = (1 + xi) / (1 + root - xp.where(negative, xi, 0.0) * a1)
+    return xp.where(negative, weak, (1 + xi * root) / (1 + root))
 
 
 def xi_from_u(u: ArrayLike, alpha: ArrayLike) -> Float[Array, "..."]:

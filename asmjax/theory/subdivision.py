@@ -6,6 +6,8 @@ Splits that make all parts alike, z_i = alpha^(i/k), lead to the logarithm as k 
 """
 
 from collections.abc import Sequence
+from types import ModuleType
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -112,8 +114,12 @@ def practical_splits(
     near = setting("near", near, _LEAST, _LARGEST, "the logarithm needs a near plane.")
     far = setting("far", far, _LEAST, _LARGEST, "it is the distance of the far plane.")
     weight = setting("weight", weight, 0.0, 1.0, "0 is uniform, 1 logarithmic, 0.5 usual.")
-    range_ = depth_range(far / near)
-    at = jnp.asarray(np.arange(k + 1) / k, range_.dtype)
-    even = at * range_
-    by_ratio = jnp.expm1(at * jnp.log1p(range_))
+    return blended_splits(near, depth_range(far / near), k, weight, jnp)
+
+
+def blended_splits(near: Any, range_: Any, k: int, weight: Any, xp: ModuleType) -> Any:
+    """`practical_splits` of arguments known to be allowed, with range_ = far / near - 1: of NumPy's
+    or JAX's numbers, by the functions of that module."""
+    part = xp.asarray(np.arange(k + 1) / k, range_.dtype)
+    even, by_ratio = part * range_, xp.expm1(part * xp.log1p(range_))
     return near * (1 + even + weight * (by_ratio - even))

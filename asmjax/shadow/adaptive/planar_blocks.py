@@ -14,6 +14,7 @@ from jaxtyping import Array, Float
 from asmjax.buffers import EyeBuffer, SeenPoints, SurfacePoints, seen_points
 from asmjax.errors import require
 from asmjax.geometry import Camera
+from asmjax.numerics import dot
 
 SIDE = 8
 """Pixels a side of a block: of 4, 8 and 16 the one that is quickest (docs/benchmarks.md)."""
@@ -124,13 +125,13 @@ class _Quadrilaterals(NamedTuple):
         pixel = first[0] * width + first[1]
         start = eyes[0].world[:, pixel] - camera.origin[:, None]
         normal = eyes[0].normal[:, pixel]
-        height = _dot(normal, start)
+        height = dot(normal, start)
         low, high, above = np.full(2, np.inf), np.full(2, -np.inf), np.zeros(which.size)
         for eye in eyes:
             for down, right in np.ndindex(2, 2):
                 at = first + (SIDE - 1) * np.array([[down], [right]])
                 point = eye.world[:, at[0] * width + at[1]] - camera.origin[:, None]
-                above = np.maximum(above, np.abs(_dot(normal, point) - height))
+                above = np.maximum(above, np.abs(dot(normal, point) - height))
                 within = _in_pixel(camera, point, at)
                 low = np.minimum(low, within.min(axis=1, initial=np.inf))
                 high = np.maximum(high, within.max(axis=1, initial=-np.inf))
@@ -141,7 +142,7 @@ class _Quadrilaterals(NamedTuple):
         for eye in eyes if rough.size else ():
             point = eye.world[:, pixel[rough] + every.reshape(-1, 1)]
             point -= camera.origin[:, None, None]
-            far = np.abs(_dot(normal[:, None, rough], point) - height[rough])
+            far = np.abs(dot(normal[:, None, rough], point) - height[rough])
             above[rough] = np.maximum(above[rough], far.max(axis=0))
         rows, cols = (
             f + np.array([[lo], [hi + SIDE - 1]])
@@ -149,18 +150,14 @@ class _Quadrilaterals(NamedTuple):
         )
         rays = [camera.directions(cols[i], rows[j]) for j in (0, 1) for i in (0, 1)]
         rays = np.stack(rays, axis=1)
-        slant = _dot(normal[:, None], rays)
+        slant = dot(normal[:, None], rays)
         sound = (np.abs(slant) > 1e-9).all(axis=0)
         t = height / np.where(sound, slant, 1.0)
         sound &= ((t > 0) & (t < FARTHEST_CORNER * (camera.rotation[2] @ start))).all(axis=0)
         # Off the plane by so much, hence along the ray by that much more.
-        length = np.sqrt(_dot(rays, rays)).max(axis=0)
+        length = np.sqrt(dot(rays, rays)).max(axis=0)
         off = above * length / np.where(sound, np.abs(slant).min(axis=0), 1.0)
         return cls(t * rays, normal, off, sound)
-
-
-def _dot(a, b):
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 def _in_pixel(camera: Camera, point: np.ndarray, at: np.ndarray) -> np.ndarray:

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from asmjax.buffers import Receivers, SurfacePoints, project
-from asmjax.footprint import singular_values, uv_jacobian
+from asmjax.footprint import narrowest_pixel, uv_jacobian
 from asmjax.geometry import Camera, LightFrame
 from asmjax.numerics import dot, least_depth, safe_divide, safe_sqrt
 from asmjax.shadow.warped.body import STILL
@@ -120,7 +120,9 @@ def beam_jacobian(
     G^2 = 1 - r r^T / (1 + r^2) and r = (x, y); so the steps are the columns of
     (width / d) (1 + r r^T / (1 + sqrt(1 + r^2))).
     """
-    width = _narrowest_pixel(points, camera)
+    width = narrowest_pixel(points, camera)
+    # A point that the eye has not before it counts for nothing; its logarithm must exist.
+    width = jnp.where(width > 0, width, 1)
     one = jnp.ones_like(width)
     if frame.perspective:
         x, y = plane_of(frame, receivers)
@@ -228,24 +230,3 @@ _ANY_FRAME = LightFrame(
 
 def _extents(frame: LightFrame, receivers: Receivers, dtype):
     return jnp.asarray(frame.extent, dtype)[receivers.face].T
-
-
-def _narrowest_pixel(points: SurfacePoints, camera: Camera):
-    """Width (n,) of a pixel's beam where narrowest, scene units; 1 where there is none.
-
-    A pixel is diag(1 / focal) wide at distance 1 along the axis, (1 - r r^T / (s (1 + s))) of that
-    across the ray, s^2 = 1 + r^2.
-    """
-    dtype = points.position.dtype
-    x, y, z = (dot(jnp.asarray(row, dtype), points.position) for row in camera.rotation)
-    seen = points.valid & (z > least_depth(dtype))
-    z = jnp.where(seen, z, 1)
-    x, y = (jnp.where(seen, value, 0) / z for value in (x, y))
-    first, second = 1 / jnp.asarray(camera.focal, dtype)
-    s = jnp.sqrt(1 + x * x + y * y)
-    bend = 1 / (s * (1 + s))
-    across = jnp.stack([
-        jnp.stack([(1 - bend * x * x) * first, -bend * x * y * second]),
-        jnp.stack([-bend * x * y * first, (1 - bend * y * y) * second]),
-    ])  # fmt: skip
-    return jnp.where(seen, z * singular_values(across)[1], 1)

@@ -8,6 +8,7 @@ import numpy as np
 
 from asmjax.buffers import EyeBuffer
 from asmjax.shadow.warped.body import Body
+from asmjax.theory.parameterization import equation_4
 
 
 def half_view(view: EyeBuffer) -> float:
@@ -51,9 +52,5 @@ def shaped_strength(gamma: float, half_view: float) -> float:
 
 def n_of_strength(strength: float, alpha: float) -> float:
     """n in near distances for a warp strength xi (TR05-024, equation 4)."""
-    root = np.sqrt(alpha)
-    if strength <= 0:
-        u = (1 + strength) / (root + 1 - strength * (alpha - 1))
-    else:
-        u = (1 + strength * root) / (1 + root)
+    u = equation_4(strength, alpha - 1, np)
     return float(1 / u) if u > 0 else np.inf

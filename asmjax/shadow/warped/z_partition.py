@@ -13,6 +13,7 @@ from asmjax.shadow.warped.body import Body, bodies
 from asmjax.shadow.warped.charted import ChartedShadowMap
 from asmjax.shadow.warped.fit import perspective, rectangle, whole_face
 from asmjax.shadow.warped.strength import half_view, light_space_n
+from asmjax.theory.subdivision import blended_splits
 
 Warp = Literal["none", "light-space"]
 
@@ -28,8 +29,7 @@ def split_depths(near: float, far: float, count: int, blend: float) -> np.ndarra
     C_i = blend near (far / near)^(i / count) + (1 - blend) (near + (far - near) i / count)
     (Zhang et al. 2006, practical split).
     """
-    part = np.arange(count + 1) / count
-    return blend * near * (far / near) ** part + (1 - blend) * (near + (far - near) * part)
+    return blended_splits(near, np.float64(far / near - 1), count, blend, np)
 
 
 class PartitionedShadowMap(ChartedShadowMap):
