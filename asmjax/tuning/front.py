@@ -53,12 +53,16 @@ same valley, but the best points lie close together, and not all in the best val
 SCREENED = 2048
 """Random points that the surrogate is asked about before the best of them breed."""
 
+ENDS = 0.5
+"""Part of the numbers of those points that are moved to an end: the best have most of them there."""
+
 GENERATIONS, CHILDREN, PARENTS = 10, 256, 24
 """Of what the surrogate is asked besides, children of a generation, and their parents for each
 price: valleys are too narrow for random points alone."""
 
 JUMP, JUMPS = 0.15, 0.2
-"""Spread of random changes of children, in sides of the box, and the part of numbers so changed."""
+"""Spread of random changes of children, in sides of the box, and the part of numbers so changed;
+half as many go to an end."""
 
 STILL = (TEMPERATURE,)
 """Temperatures of a search that keeps to the valley where it begins."""
@@ -149,8 +153,9 @@ def trace_front(
     drawn = qmc.Sobol(len(NAMES), seed=seed)  # pyright: ignore[reportCallIssue]
     known = _Screened(model, tried)
     again = [_anew(model, known, one, seed) for one in prices.tolist()]
-    known.add(model, drawn.random(SCREENED))
-    _breed(model, known, prices, np.random.default_rng(seed))
+    generator = np.random.default_rng(seed)
+    known.add(model, _to_ends(drawn.random(SCREENED), ENDS, generator))
+    _breed(model, known, prices, generator)
     curve = _Curve(model, prices)
     curve.correct(POINTS // 2, [again[POINTS // 2].points[0]])
     curve.follow(known)
@@ -198,7 +203,7 @@ def _breed(
     model: Model, known: _Screened, prices: np.ndarray, generator: np.random.Generator
 ) -> None:
     """Add `GENERATIONS` of children of what is best for any of the prices: each number is one of
-    two parents', and some jump."""
+    two parents', and some jump or go to an end."""
     for _ in range(GENERATIONS):
         best = np.concatenate([known.ordered(price)[:PARENTS] for price in prices.tolist()])
         parents = known.points[np.unique(best)]
@@ -206,7 +211,12 @@ def _breed(
         shape = CHILDREN, parents.shape[1]
         children = np.where(generator.random(shape) < 0.5, parents[one], parents[other])
         jumps = JUMP * generator.standard_normal(shape) * (generator.random(shape) < JUMPS)
-        known.add(model, np.clip(children + jumps, 0.0, 1.0))
+        known.add(model, _to_ends(np.clip(children + jumps, 0.0, 1.0), JUMPS / 2, generator))
+
+
+def _to_ends(points: np.ndarray, part: float, generator: np.random.Generator) -> np.ndarray:
+    """Points (k, knobs) with that part of their numbers at 0 or 1, whichever is nearer."""
+    return np.where(generator.random(points.shape) < part, np.round(points), points)
 
 
 class _Curve:
