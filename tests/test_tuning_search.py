@@ -309,7 +309,7 @@ def test_what_does_nothing_does_not_move(stand_in, monkeypatch):
 
 @pytest.mark.slow
 def test_the_front_is_as_good_as_searching_anew(model):
-    """At each price within 5 % of searches that know nothing of it (issue 5), and a front it is:
+    """At each price within 5 % of the search that tuning does at it, and a front it is:
     who pays more for time gets less of it, and more error."""
     bending, points = trace_front(model, PRICE, drawn(20))
     prices = np.array([one.price for one in points])

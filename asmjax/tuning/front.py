@@ -54,7 +54,7 @@ SCREENED = 2048
 """Random points that the surrogate is asked about before the best of them breed."""
 
 ENDS = 0.5
-"""Part of the numbers of those points that are moved to an end: the best have most of them there."""
+"""Part of the numbers of those points moved to an end, where the best have most of theirs."""
 
 GENERATIONS, CHILDREN, PARENTS = 10, 256, 24
 """Of what the surrogate is asked besides, children of a generation, and their parents for each
