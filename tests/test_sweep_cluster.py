@@ -70,6 +70,7 @@ def test_workers_that_cannot_run_trials_are_sent_away(caplog):
     trials = fake_trials(8)
     with Workers(run, Limits(LONG), 2) as pool:
         client = pool._client
+        client.wait_for_workers(2, timeout=LONG)
         assert refused_without_certificate(client.scheduler.address)
         assert nothing_is_served(client.cluster.scheduler.http_server.port)
         first, second = client.nthreads()
@@ -114,6 +115,7 @@ def test_an_answer_that_is_lost_again_and_again_is_not_waited_for_ever(losses, s
     (trial,) = fake_trials(1)
     pool = Workers.__new__(Workers)
     pool._ended, pool._rounds = queue.SimpleQueue(), Counter()
+    pool._raise_if_interrupted = lambda: None
     future = Mock(spec=Future, key="k", status="finished")
     future.cancelled.return_value = False
     future.result.side_effect = [TimeoutError] * losses + [Ended(End.DONE, trial=trial.key)]
