@@ -17,6 +17,7 @@ import numpy as np
 from matplotlib.colors import Normalize
 
 from asmjax import theory
+from asmjax.errors import missing_extra
 from asmjax.experiment.aliasing import aliasing_maps, aliasing_numbers
 from asmjax.experiment.light_angles import (
     FIRST_DEG,
@@ -220,7 +221,7 @@ explore(15.0, 50.0, "light-space")
 explore(15.0, 50.0, "faces, 2 parts")
 
 # %% [markdown]
-# Move the sliders (in Jupyter, with `pip install "asmjax[notebooks]"`).
+# Move the sliders, in Jupyter: `make extras EXTRA=notebooks` installs it.
 
 
 # %%
@@ -251,5 +252,5 @@ def sliders():
 try:
     controls = sliders()
 except ImportError:
-    controls = "the sliders need ipywidgets: pip install 'asmjax[notebooks]'"
+    controls = str(missing_extra("ipywidgets", "notebooks"))
 controls
