@@ -161,15 +161,27 @@ def test_bias_is_what_is_documented():
         assert not decide(depth - 1.02 * bound, None, compare_depth=depth)
 
 
-def test_primitives_that_share_16_bits_collide():
-    """Documented: ids keep their low 16 bits, so a primitive 65,536 further on lets light through
-    where it blocks. Neighbouring ids and "nothing" differ."""
-    assert pack_prim(jnp.int32(7)) == pack_prim(jnp.int32(7 + 2**16))
-    assert decide(0.5, 7 + 2**16) and not decide(0.5, 8 + 2**16)
+def test_ids_of_up_to_65536_primitives_differ():
+    """They are kept as they are; and "nothing" is the last."""
     packed = np.asarray(pack_prim(jnp.arange(-1, 2**16 - 1)))
-    assert packed.dtype == np.uint16 and np.unique(packed).size == 2**16
+    assert packed.dtype == np.uint16 and packed.tolist() == [2**16 - 1, *range(2**16 - 1)]
+    assert decide(0.5, 7) and not decide(0.5, 8)
     # Receivers without an id of their own (curved primitives) are lit by depth alone.
     assert not decide(0.5, -1, prim=-1) and decide(2.0, -1, prim=-1)
+
+
+def test_ids_beyond_that_are_alike_by_chance_alone():
+    """Each run of 65,536 keeps its order, from a start of its own: one id of each run is alike, and
+    it is another one each time. Cut to 16 bits, all those a multiple of 65,536 further on were."""
+    assert not decide(0.5, 7 + 2**16) and not decide(0.5, 7 + 2**20)
+    runs = np.r_[1:200, 2**15 - 1]
+    starts = np.asarray(pack_prim(jnp.asarray(2**16 * runs, jnp.int32)))
+    assert np.unique(starts).size == runs.size and starts.all()
+    for run in runs[:: effort(40, 1)].tolist():
+        packed = np.asarray(pack_prim(2**16 * run + jnp.arange(2**16)))
+        assert np.unique(packed).size == 2**16 and (np.diff(packed) == 1).sum() >= 2**16 - 2
+        alike = 2**16 * run + int(np.flatnonzero(packed == 7)[0])
+        assert decide(0.5, alike)
 
 
 def test_what_is_stored_and_its_bytes():
@@ -178,7 +190,7 @@ def test_what_is_stored_and_its_bytes():
         kept = [a for a in stored(compare, depth, prim) if a is not None]
         assert sum(a.nbytes for a in kept) == 3 * texel_bytes(compare)
     assert stored("depth", depth, prim)[1] is None and stored("id", depth, prim)[0] is None
-    with pytest.raises(UseError, match="depth, id, both"):
+    with pytest.raises(UseError, match="known: both, depth, id"):
         check_test("colour", 0.0)
 
 

@@ -9,11 +9,19 @@ from asmjax.buffers.points import (
     eye_buffer,
     seen_points,
 )
-from asmjax.buffers.rays import ChartBuffer, LightBuffer, LightRays, TexelWindows, whole_image
+from asmjax.buffers.rays import (
+    EXACT_IDS,
+    ChartBuffer,
+    LightBuffer,
+    LightRays,
+    TexelWindows,
+    whole_image,
+)
 from asmjax.buffers.receivers import Receivers, light_offset, project
 
 __all__ = [
     "BLUR",
+    "EXACT_IDS",
     "Anchor",
     "ChartBuffer",
     "EyeBuffer",

@@ -34,7 +34,7 @@ ROWS = {
     23: "casters smaller than texels and pixels",
     24: "gradients of masked pixels",
     25: "gradients of maxima",
-    26: "overflow of texel numbers",
+    26: "overflow of numbers of texels and primitives",
     27: "empty sets",
     28: "fold-over of warps",
     29: "parallel up vectors",

@@ -9,6 +9,9 @@ from asmjax.render.geometry import box_of
 from asmjax.render.instances import is_instance, parts_of, placement, shape_groups
 from asmjax.render.working_frame import WORLD, WorkingFrame, working_frame
 
+SMALLEST_SHOWN = 2.0**-24
+"""Instances that shrink their group more than this show nothing that a ray would find."""
+
 
 @dataclass(frozen=True)
 class Frames:
@@ -54,19 +57,20 @@ def _for_spheres(frame: WorkingFrame, least: float) -> WorkingFrame:
     eighth of the size a third of the outline is lost (`ray_intersect_preliminary` of `sphere.cpp`
     divides by the norm, and not by its square).
     """
-    if least >= 1:
+    if not 0 < least < 1:
         return frame
-    return replace(frame, scale=float(frame.scale * 2.0 ** np.floor(np.log2(least))))
+    smaller = 2.0 ** np.floor(np.log2(max(least, SMALLEST_SHOWN)))
+    return replace(frame, scale=float(frame.scale * smaller))
 
 
 def _least_scale(mi, scene, shown: Mapping[str, str], group: str) -> float:
-    """By how much the instances of a group shrink it at most, those among them of which nobody knows
-    what they show; 1 for one without instances."""
+    """By how much the instances of a group shrink it at most, and those of which nobody knows what
+    they show; 1 for one without instances, or with one that is not finite."""
     linear = [
         placement(mi, shape)[:, :3]
         for shape in scene.shapes()
         if is_instance(shape) and shown.get(shape.id(), group) == group
     ]
-    if not linear:
+    if not linear or not np.isfinite(linear).all():
         return 1.0
     return float(np.linalg.svd(np.stack(linear), compute_uv=False).min())

@@ -128,7 +128,7 @@ def read_geometry(
     """Copy the triangles of Mitsuba shapes in `working` and their shape groups to the host.
 
     Raises:
-        UseError: more primitives than an int32 can number.
+        UseError: more primitives than an int32 can number, or an instance without a size.
     """
     sources, alone = _sources(shapes, instancing)
     own = sum(shape.vertex_count() for (shape,) in sources[:alone] if shape.is_mesh())
@@ -173,8 +173,18 @@ def _sources(shapes: list, instancing: Instancing) -> tuple[list[tuple], int]:
 
 
 def _places(mi, shapes: list, instancing: Instancing, working: WorkingFrame) -> np.ndarray:
-    """(3, 4, n_shapes) float64, from the stored coordinates of each shape to the world's."""
+    """(3, 4, n_shapes) float64, from the stored coordinates of each shape to the world's.
+
+    Raises:
+        UseError: an instance whose transform has no inverse.
+    """
     places = np.stack([placement(mi, shape) for shape in shapes], axis=2)
+    flat = np.linalg.det(np.moveaxis(places[:, :3], 2, 0)) == 0.0
+    require(
+        not flat.any(),
+        f"the transform of instance '{shapes[int(np.argmax(flat))].id()}' has no inverse; give it "
+        "a size along each axis.",
+    )
     instances = instancing.group >= 0
     places[:, :, instances] = working.places_outward(places[:, :, instances])
     return places

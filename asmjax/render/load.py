@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from asmjax.buffers import EyeBuffer
+from asmjax.buffers import EXACT_IDS, EyeBuffer
 from asmjax.errors import UseError, unknown_name
 from asmjax.geometry import LightFrame
 from asmjax.memory import Limit, Memory, Stage, check, limit_of
@@ -260,11 +260,19 @@ def _from_mitsuba(name: str, parsed: ParsedScene, mi) -> Scene:
         better = frames.better(mi, scene, shown)
     working = frames.working
     instancing = find_instances(mi, scene, name, shown)
-    low, high = box_of(scene.bbox(), working).T
+    low, high = _finite(name, box_of(scene.bbox(), working)).T
     views = read_sensors(mi, scene.sensors(), notices, said, float(np.linalg.norm(high - low)))
     lights = read_emitters(mi, scene, notices, said, working)
     names = plugin_names(scene.shapes(), "shape")
     return _scene(mi, name, scene, instancing, views, lights, notices, names, working=working)
+
+
+def _finite(name: str, bounds: np.ndarray) -> np.ndarray:
+    if not np.isfinite(bounds).all():
+        raise UseError(
+            f"scene '{name}' has no finite bounding box; mend its vertices and transforms."
+        )
+    return bounds
 
 
 def _from_spec(mi, spec: SceneSpec, limit: Limit) -> Scene:
@@ -300,11 +308,17 @@ def _from_spec(mi, spec: SceneSpec, limit: Limit) -> Scene:
 def _scene(
     mi, name, scene, instancing, views, lights, notices, shape_names, path=(), working=WORLD
 ) -> Scene:
+    geometry = read_geometry(mi, scene.shapes(), scene.bbox(), instancing, working)
+    primitives = int(geometry.first_prim[-1])
+    if primitives > EXACT_IDS:
+        notices.append(
+            f"scene '{name}' has {primitives:,} primitives, and maps that compare ids keep 16 bits "
+            f"of each: of pixels in shadow one in {EXACT_IDS:,} may be lit by mistake (none with "
+            'compare = "depth")'
+        )
     for notice in notices:
         _log.warning("%s", notice)
-    geometry = read_geometry(mi, scene.shapes(), scene.bbox(), instancing, working)
-    if not np.isfinite(geometry.bounds).all():
-        raise UseError(f"scene '{name}' has no finite bounding box; mend its vertices.")
+    _finite(name, geometry.bounds)
     every = list(range(len(scene.shapes())))
     return Scene(
         name=name,

@@ -10,6 +10,7 @@ a depth on an inclined plane does.
 import math
 from typing import Literal, Protocol, get_args
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, UInt16
 
@@ -135,10 +136,18 @@ def texel_bytes(compare: Compare) -> int:
     return {"depth": 4, "id": 2, "both": 6}[compare]
 
 
+@jax.jit
 def pack_prim(prim: Int[Array, "..."]) -> UInt16[Array, "..."]:
-    """Primitive ids as they are stored: their low 16 bits.
+    """Primitive ids as they are stored: 16 bits, in which up to 65,536 primitives differ
+    (`asmjax.buffers.EXACT_IDS`).
 
-    Primitives that are near each other in the scene's order differ. Two whose ids differ by a
-    multiple of 65,536 let light through where one blocks the other.
+    Beyond that, each run of 65,536 ids is shifted by a number drawn for it: neighbours in the
+    scene's order differ, and keep their order. Of primitives of different runs one pair in 65,536
+    is alike, whatever their distance: such a caster lets light through to such a receiver.
     """
-    return jnp.asarray(prim & 0xFFFF, jnp.uint16)
+    drawn = jnp.maximum(prim, 0).astype(jnp.uint32) >> 16
+    # The integer hash `lowbias32` (Wellons 2018); of run 0 it is 0.
+    drawn = (drawn ^ (drawn >> 16)) * jnp.uint32(0x7FEB352D)
+    drawn = (drawn ^ (drawn >> 15)) * jnp.uint32(0x846CA68B)
+    drawn ^= drawn >> 16
+    return (prim.astype(jnp.uint32) + drawn).astype(jnp.uint16)

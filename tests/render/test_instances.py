@@ -334,6 +334,13 @@ def test_groups_far_from_their_own_origin(pair, away, scale):
         assert np.mean(ours[f"{name}_map"].prim != ref[f"{name}_map"].prim) <= FEW
 
 
+def test_an_instance_without_a_size_is_refused(tmp_path):
+    path = tmp_path / "flat.xml"
+    path.write_text(SCENE_FILE.replace('<scale x="1.5"/>', '<scale x="0"/>'))
+    with pytest.raises(UseError, match="instance 'second' has no inverse.*a size along each axis"):
+        load_scene(path)
+
+
 def test_wrong_instances_are_refused():
     """No mesh, wrong shapes, transforms without inverse: one line that says which."""
     good = EXACT.copy()
