@@ -7,6 +7,7 @@ from typing import ParamSpec, TypeVar
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 _P = ParamSpec("_P")
 _R = TypeVar("_R")
@@ -56,6 +57,12 @@ def power_below(x):
 def dot(a, b):
     """Inner product over the first axis of component-first arrays `(3, ...)`."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def scalar(value: float | np.ndarray | jax.Array) -> np.ndarray | jax.Array:
+    """A number as a () float64 array, which a jitted function is told; a Python float becomes a
+    part of what `eqx.filter_jit` compiles, again for every other value. JAX's own stay."""
+    return value if isinstance(value, jax.Array) else np.asarray(value, np.float64)
 
 
 def in_float64(function: Callable[_P, _R]) -> Callable[_P, _R]:

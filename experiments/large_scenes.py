@@ -16,7 +16,7 @@ import sys
 import time
 from pathlib import Path
 
-from asmjax.experiment.timing import repeated
+from asmjax.experiment.clock import repeated
 from asmjax.render.load import load_scene
 from asmjax.report.provenance import provenance
 from asmjax.scene.builtin import load_builtin

@@ -152,7 +152,7 @@ def varying(monkeypatch):
     monkeypatch.setattr(Varying, "most_alive", 0)
     monkeypatch.setattr(CLOCK, "slowness", lambda: 1.0)
     monkeypatch.setitem(ALGORITHMS, "varying", Varying)
-    monkeypatch.setattr("asmjax.experiment.timing.time.perf_counter", lambda: CLOCK.now)
+    monkeypatch.setattr("asmjax.experiment.clock.time.perf_counter", lambda: CLOCK.now)
     return Varying
 
 

@@ -16,7 +16,7 @@ from asmjax.shadow import AdaptiveShadowMap, CostModel, UniformShadowMap
 def test_repeated_warms_up_and_takes_the_median(monkeypatch):
     """Four calls for three timed runs; the warm-up, by far the slowest, does not count."""
     clock, lasts = [0.0], iter([100.0, 1.0, 9.0, 2.0])
-    monkeypatch.setattr("asmjax.experiment.timing.time.perf_counter", lambda: clock[0])
+    monkeypatch.setattr("asmjax.experiment.clock.time.perf_counter", lambda: clock[0])
 
     def call():
         clock[0] += next(lasts)

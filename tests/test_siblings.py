@@ -6,6 +6,8 @@ transformation of JAX or of space.
 """
 
 import functools
+import time
+from dataclasses import replace
 
 import equinox as eqx
 import jax
@@ -27,7 +29,8 @@ from helpers.registry import SIBLINGS, VARIANTS
 from asmjax.buffers import SurfacePoints
 from asmjax.experiment.traces import counted_traces
 from asmjax.geometry import in_domain, towards_light
-from asmjax.shadow import ALGORITHMS, UniformShadowMap
+from asmjax.scene.analytic_rays import analytic_eye
+from asmjax.shadow import ALGORITHMS, FilteredShadowMap, UniformShadowMap
 from asmjax.shadow.comparison import texel_bytes
 
 SIDE = 64
@@ -75,6 +78,9 @@ each_setting = pairs(
     *((sibling, LIGHTS[k % 2]) for k, sibling in enumerate(SIBLINGS)),
     *((variant, "a4_disc_light") for variant in VARIANTS),
 )
+KEEPING = ("uniform", "filtered", "accumulated", "pcss", "moment")
+"""Families with the setting `keep`, of their own or of the inner map."""
+
 each_sibling = pytest.mark.parametrize("sibling", [case_of(one) for one in SIBLINGS])
 
 
@@ -240,6 +246,37 @@ def test_cost_is_what_exists_and_stays_below_the_limit(sibling, name):
     assert 0 < cost.texels <= TEXELS
     assert (cost.rays, cost.passes) == (rays.texels, rays.launches)
     assert set(cost.seconds) == {"build", "analysis"} and min(cost.seconds.values()) >= 0
+
+
+@pytest.mark.parametrize(
+    ("sibling", "how"),
+    [case_of(one, "anew") for one in SIBLINGS]
+    + [case_of(one, "kept") for one in SIBLINGS if one.name in KEEPING],
+)
+def test_cost_is_that_of_the_last_build_or_update_alone(sibling, how):
+    """Two frames, of a light and casters that rest: from another place, and at rest there."""
+    case, algorithm, _ = built(sibling, LIGHTS[SIBLINGS.index(sibling) % 2])
+    algorithm, rays = kept_by(algorithm) if how == "kept" else algorithm, CountingRays(case.rays)
+    state = algorithm.build(case.eye, case.frame, rays)
+    there = analytic_eye(case.shapes, replace(case.view, fov_x_deg=case.view.fov_x_deg / 2))
+    for eye in (there, there):
+        before, start = (rays.texels, rays.launches), time.perf_counter()
+        state = algorithm.update(state, eye, case.frame, rays)
+        wall, cost = time.perf_counter() - start, algorithm.cost(state)
+        assert (before[0] + cost.rays, before[1] + cost.passes) == (rays.texels, rays.launches)
+        assert 0 <= sum(cost.seconds.values()) <= wall
+        if how == "kept":
+            assert (cost.rays, cost.passes, cost.seconds["build"]) == (0, 0, 0.0)
+
+
+def inner_of(algorithm):
+    return algorithm.inner if isinstance(algorithm, FilteredShadowMap) else algorithm
+
+
+def kept_by(algorithm):
+    """The same settings, of a map that updates keep."""
+    kept = replace(inner_of(algorithm), keep=True)
+    return kept if inner_of(algorithm) is algorithm else replace(algorithm, inner=kept)
 
 
 @each

@@ -4,20 +4,31 @@ Tracing costs more than a whole pass of refinement , so a value that slips into
 the static part of an argument would spoil every timing. JAX reports each trace to its monitor.
 """
 
+from dataclasses import replace
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers.analytic_cases import walk
+from helpers.analytic_cases import analytic_case, walk
 from helpers.poses import random_pose
+from helpers.soft_cases import soft_case
 
+from asmjax.experiment.aliasing import aliasing_maps
 from asmjax.experiment.maps import analysis_maps
 from asmjax.experiment.traces import counted_traces
 from asmjax.scene.analytic_rays import AnalyticRays, analytic_eye, scene_bounds
 from asmjax.scene.analytic_scenes import ANALYTIC_SCENES
 from asmjax.scene.lights import light_frame
 from asmjax.scene.spec import ViewSpec
-from asmjax.shadow import AdaptiveShadowMap, UniformShadowMap
+from asmjax.shadow import (
+    AdaptiveShadowMap,
+    FilteredShadowMap,
+    LightSpaceShadowMap,
+    MomentShadowMap,
+    PCSSShadowMap,
+    UniformShadowMap,
+)
 from asmjax.shadow.adaptive.cost_model import CostModel
 from asmjax.shadow.adaptive.storing import BUCKETS
 
@@ -65,10 +76,9 @@ def walked_updates(adaptive, cases, state):
     """Update and query for each of a walk's cases; the state, and nodes made by each update."""
     made = []
     for case in cases:
-        before = adaptive.cost(state).nodes.made
         state = adaptive.update(state, case.eye, case.frame, case.rays)
         adaptive.visibility(state, case.eye.points).block_until_ready()
-        made.append(adaptive.cost(state).nodes.made - before)
+        made.append(adaptive.cost(state).nodes.made)
     return state, made
 
 
@@ -131,6 +141,57 @@ def test_a_walk_towards_the_sky_traces_nothing_after_its_warm_up():
             state = adaptive.update(state, eye, frame, rays)
             adaptive.visibility(state, eye.points).block_until_ready()
     assert traced == []
+
+
+FLAT = UniformShadowMap(32)
+OTHERWISE = (
+    (FLAT, {"bias": 1.0}),
+    (LightSpaceShadowMap(32), {"bias": 1.0}),
+    (PCSSShadowMap(32, blocker_taps=4, filter_taps=4), {"bias": 1.0}),
+    (MomentShadowMap(32, kernel=1.0), {"bias": 1.0}),
+    (MomentShadowMap(32, kernel=1.0), {"kernel": 9.0}),
+    (FilteredShadowMap("area", 2.0, inner=FLAT), {"inner": replace(FLAT, bias=1.0)}),
+    (FilteredShadowMap("original", 1.0, strata=2, inner=FLAT), {"width": 9.0}),
+)
+"""Settings, and others that differ in numbers which decide no shape."""
+
+
+@pytest.mark.parametrize(
+    ("algorithm", "other"), OTHERWISE, ids=[f"{one.name}-{min(other)}" for one, other in OTHERWISE]
+)
+def test_numbers_that_decide_no_shape_trace_nothing(algorithm, other):
+    """Whoever sweeps a bias or a kernel would wait for a compilation at every step."""
+    case = soft_case("a5_square", 24)
+
+    def asked(algorithm):
+        state = algorithm.build(case.eye, case.frame, case.rays)
+        algorithm.density(state, case.eye.points)
+        return np.asarray(algorithm.visibility(state, case.eye.points))
+
+    before = asked(algorithm)
+    with counted_traces() as traced:
+        after = asked(replace(algorithm, **other))
+    assert traced == []
+    assert not np.array_equal(before, after), "the number is not heard of"
+
+
+def test_other_distances_of_eye_and_light_trace_nothing():
+    """Near, far and a cone's cosine are numbers of a view; one frame's are not the next one's."""
+    case, flat = analytic_case("a1_square", 24), UniformShadowMap(32)
+
+    def look(near, cosine):
+        eye = replace(case.eye, camera=replace(case.eye.camera, near=near, far=1 / near))
+        frame = replace(case.frame, near=near, cos_cutoff=cosine)
+        state = flat.build(eye, frame, case.rays)
+        lit = flat.visibility(state, eye.points)
+        aliasing_maps(flat, state, eye, frame)
+        return np.asarray(lit), analysis_maps(eye, frame, flat, state)["m"]
+
+    first = look(1e-4, -1.0)
+    with counted_traces() as traced:
+        second = look(2e-4, 0.999)
+    assert traced == []
+    assert not np.array_equal(first[0], second[0]), "the cone is not heard of"
 
 
 def test_kernels_trace_once_per_shape_and_type():

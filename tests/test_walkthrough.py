@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from helpers.analytic_cases import analytic_case
 
-from asmjax.experiment.walkthrough import FrameInput, FrameResult, Walkthrough, spent
+from asmjax.experiment.walkthrough import FrameInput, FrameResult, Walkthrough
 from asmjax.report.walk_record import WalkRecord, WalkSetting, summary_of
 from asmjax.scene.analytic_rays import AnalyticRays, analytic_eye, scene_bounds
 from asmjax.scene.lights import kept_light_frame, light_frame
 from asmjax.scene.spec import Rectangle
-from asmjax.shadow import AdaptiveShadowMap, Cost, CostModel, NodeCounts
+from asmjax.shadow import AdaptiveShadowMap, CostModel
 
 SIDE = 48
 MODEL = CostModel(1e-8, 1e-5, 0.0)
@@ -166,26 +166,6 @@ def test_warming_up_leaves_no_trace():
     fresh = walk_through([first])[0]
     assert again.adaptive.cost.rays == fresh.adaptive.cost.rays
     assert again.methods[1].cost.rays > 0
-
-
-def cost(rays, seconds, made, held=5, reused=0, updates=1):
-    nodes = NodeCounts(held=held, made=made, evicted=made - 5, recast=1, dropped=2, reused=reused)
-    stages = {"build": seconds, "analysis": 2 * seconds}
-    return Cost(1, 1, rays, rays // 10, stages, nodes, updates=updates)
-
-
-def test_spent_is_the_difference_of_what_accumulates():
-    before = cost(100, 1.0, 10)
-    alone = spent(before, cost(130, 1.25, 17, held=6, reused=4, updates=2))
-    assert (alone.rays, alone.passes) == (30, 3)
-    assert alone.seconds == {"build": 0.25, "analysis": 0.5}
-    assert alone.nodes == NodeCounts(held=6, made=7, evicted=7, recast=0, dropped=0, reused=4)
-
-
-def test_spent_knows_a_state_that_was_made_anew():
-    """A map whose light frame was refitted starts to count again: all of it is this frame's."""
-    assert spent(cost(100, 1.0, 10, updates=9), cost(90, 0.5, 8)) == cost(90, 0.5, 8)
-    assert spent(None, cost(90, 0.5, 8)) == cost(90, 0.5, 8)
 
 
 def setting(frames=3) -> WalkSetting:

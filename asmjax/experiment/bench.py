@@ -12,12 +12,11 @@ import numpy as np
 from asmjax.buffers import EyeBuffer, LightRays, seen_points
 from asmjax.buffers.points import SeenPoints
 from asmjax.experiment.aliasing import aliasing_maps
-from asmjax.experiment.clock import in_turns
+from asmjax.experiment.clock import in_turns, timed
 from asmjax.experiment.displacement import displacement
 from asmjax.experiment.ledger import Ledger, digest
 from asmjax.experiment.methods import TracedShadows, pixel_mean, settings_of
 from asmjax.experiment.soft_rays import SoftRays, soft_truth
-from asmjax.experiment.timing import timed
 from asmjax.experiment.trial import STAGES, Trial, trial_of
 from asmjax.geometry import LightFrame
 from asmjax.metrics import SurfacePairs, boundary_edges, boundary_length, error_summary

@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 from asmjax.buffers import EyeBuffer, light_offset, project
 from asmjax.footprint import determinant
 from asmjax.geometry import LightFrame
-from asmjax.numerics import safe_divide, safe_sqrt
+from asmjax.numerics import safe_divide, safe_sqrt, scalar
 from asmjax.shadow import ShadowAlgorithm
 from asmjax.shadow.comparison import Tested, bias_distance
 
@@ -25,7 +25,8 @@ def stated_bias(algorithm: ShadowAlgorithm, state, eye: EyeBuffer, frame: LightF
     """
     points, test = eye.points, cast(Tested, algorithm)
     density = algorithm.density(state, points)
-    distance, known = _distance(points, frame, light_offset(points, frame), density, test.bias)
+    seen = points, frame, light_offset(points, frame)
+    distance, known = _distance(*seen, density, scalar(test.bias))
     distance = np.zeros(known.shape) if test.compare == "id" else np.asarray(distance)
     return np.where(known, distance.astype(np.float64), np.nan)
 

@@ -1,15 +1,19 @@
 """Times that can be trusted on a shared machine: taken in turns, with intervals, and as ratios.
 
-A machine that others use is slower for a while, not for one call: whatever is compared is measured
-in turns, so that a slow while meets all of it. A median forgives turns that something disturbed,
-and its interval is that of order statistics, which asks nothing of how times are distributed.
+A time is that of a call after one to warm up, until all its arrays are computed. A machine that
+others use is slower for a while, not for one call: whatever is compared is measured in turns, so
+that a slow while meets all of it. A median forgives turns that something disturbed, and its
+interval is that of order statistics, which asks nothing of how times are distributed.
 """
 
 import math
 import statistics
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
+
+import jax
 
 from asmjax.errors import require
 
@@ -17,6 +21,25 @@ T = TypeVar("T")
 
 CONFIDENCE = 0.95
 """Of the intervals, where there are runs enough: six. Of fewer they are the whole range."""
+
+
+def timed(call: Callable[[], T]) -> tuple[T, float]:
+    """The result of `call`, all its arrays computed, and the seconds it took."""
+    start = time.perf_counter()
+    result = jax.block_until_ready(call())
+    return result, time.perf_counter() - start
+
+
+def repeated(call: Callable[[], T], repeats: int) -> tuple[T, float]:
+    """The last result of `call`, and the median seconds of `repeats` runs after one to warm up."""
+    jax.block_until_ready(call())
+    runs = [timed(call) for _ in range(repeats)]
+    return runs[-1][0], statistics.median(seconds for _, seconds in runs)
+
+
+def median_by_stage(runs: Sequence[dict[str, float]]) -> dict[str, float]:
+    """The median of each stage over several runs."""
+    return {stage: statistics.median(run[stage] for run in runs) for stage in runs[0]}
 
 
 @dataclass(frozen=True)

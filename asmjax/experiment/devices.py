@@ -11,8 +11,8 @@ from jaxtyping import Array
 
 from asmjax import machine
 from asmjax.buffers import anchor, light_offset, project
+from asmjax.experiment.clock import timed
 from asmjax.experiment.stored_view import Device, StoredView, on_device
-from asmjax.experiment.timing import timed
 from asmjax.footprint import log2_linear_ratio, log2_m, uv_jacobian
 from asmjax.shadow.adaptive.address import address_of
 from asmjax.shadow.adaptive.tree import lookup

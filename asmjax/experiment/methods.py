@@ -10,7 +10,7 @@ from jax.typing import ArrayLike
 
 from asmjax.buffers import EyeBuffer, LightRays, seen_points
 from asmjax.experiment.bias import bias_summary, stated_bias
-from asmjax.experiment.timing import median_by_stage, repeated
+from asmjax.experiment.clock import median_by_stage, repeated
 from asmjax.geometry import LightFrame
 from asmjax.shadow import Cost, ShadowAlgorithm, Status, family_of
 

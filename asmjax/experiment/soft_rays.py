@@ -6,8 +6,8 @@ from typing import Protocol
 import numpy as np
 
 from asmjax.buffers import EyeBuffer
+from asmjax.experiment.clock import timed
 from asmjax.experiment.methods import Measured, pixel_mean
-from asmjax.experiment.timing import timed
 from asmjax.geometry import AreaLight
 from asmjax.scene.soft_visibility import SoftVisibility
 from asmjax.shadow import Cost, FilteredShadowMap, ShadowAlgorithm, Status, family_of

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from asmjax.buffers import EyeBuffer, LightRays
+from asmjax.experiment.clock import median_by_stage, repeated, timed
 from asmjax.experiment.methods import (
     Measured,
     TracedShadows,
@@ -17,13 +18,10 @@ from asmjax.experiment.methods import (
     queried,
     settings_of,
 )
-from asmjax.experiment.timing import median_by_stage, repeated, timed
 from asmjax.geometry import LightFrame
 from asmjax.scene.spec import LightSpec, ViewSpec
 from asmjax.shadow import (
     AdaptiveShadowMap,
-    Cost,
-    NodeCounts,
     ShadowAlgorithm,
     UniformShadowMap,
     resolution_for,
@@ -66,9 +64,8 @@ class FrameResult:
 
     Attributes:
         methods: the uniform map drawn anew, the one that is kept, the adaptive map, and the traced
-            rays, which are the truth. Costs are those of this frame alone; `cost.seconds` has
-            `id_pass` and `total` besides the stages of a single run. States are good until the
-            next frame is measured.
+            rays, which are the truth. `cost.seconds` has `id_pass` and `total` besides the stages
+            of a single run. States are good until the next frame is measured.
     """
 
     input: FrameInput
@@ -156,13 +153,12 @@ class _Runner:
 
     def step(self, frame: FrameInput, id_pass: float, repeats: int) -> Measured:
         algorithm = self.algorithm
-        before = None if self.state is None else algorithm.cost(self.state)
         costs, walls = [], []
         for run in range(repeats + 1):
             own = None if self.state is None else algorithm.copied(self.state)
             state, wall = timed(lambda own=own: self._next(own, frame))
             if run:
-                costs.append(spent(before, algorithm.cost(state)))
+                costs.append(algorithm.cost(state))
                 walls.append(wall)
         wall = statistics.median(walls)
         self.state = state
@@ -191,26 +187,3 @@ class _Runner:
 
     def _frame(self, frame: FrameInput) -> LightFrame:
         return frame.kept if self._keeps else frame.fitted
-
-
-def spent(before: Cost | None, after: Cost) -> Cost:
-    """What one update cost alone, of costs that count since the state was empty.
-
-    A state that was not updated more often than the one before was made anew.
-    """
-    if before is None or after.updates <= before.updates:
-        return after
-    nodes = after.nodes
-    if nodes is not None and before.nodes is not None:
-        counted = {
-            name: getattr(nodes, name) - getattr(before.nodes, name)
-            for name in ("made", "evicted", "recast", "dropped")
-        }
-        nodes = NodeCounts(held=nodes.held, reused=nodes.reused, **counted)
-    return replace(
-        after,
-        rays=after.rays - before.rays,
-        passes=after.passes - before.passes,
-        seconds={stage: after.seconds[stage] - before.seconds[stage] for stage in after.seconds},
-        nodes=nodes,
-    )

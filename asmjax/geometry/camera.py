@@ -5,6 +5,7 @@ import numpy as np
 
 from asmjax.errors import require
 from asmjax.geometry.basis import unit
+from asmjax.numerics import scalar
 
 
 class Camera(eqx.Module):
@@ -15,7 +16,7 @@ class Camera(eqx.Module):
         rotation: (3, 3) float64, rows are the world directions image right, image down, forward.
         focal: (2,) float64, pixels: distance of the image plane in pixel widths and heights.
         principal: (2,) float64, pixels: where the forward axis meets the image.
-        near, far: axial distances, scene units; nothing outside them is seen.
+        near, far: () float64, axial distances, scene units; nothing outside them is seen.
         width, height: pixels.
     """
 
@@ -23,8 +24,8 @@ class Camera(eqx.Module):
     rotation: np.ndarray
     focal: np.ndarray
     principal: np.ndarray
-    near: float
-    far: float
+    near: np.ndarray = eqx.field(converter=scalar)
+    far: np.ndarray = eqx.field(converter=scalar)
     width: int = eqx.field(static=True)
     height: int = eqx.field(static=True)
 
@@ -81,8 +82,8 @@ def look_at(
         rotation=rotation,
         focal=np.array([focal, focal]),
         principal=principal,
-        near=float(near),
-        far=float(far),
+        near=near,
+        far=far,
         width=width,
         height=height,
     )

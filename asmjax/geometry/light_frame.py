@@ -8,6 +8,7 @@ import numpy as np
 from asmjax.errors import require
 from asmjax.geometry.area_light import AreaLight
 from asmjax.geometry.basis import basis_from_axis, unit
+from asmjax.numerics import scalar
 
 WIDEST_FACE_DEG = 125.0
 """A fitted perspective face wider than this is replaced by cube faces (centre texels of a wider
@@ -33,8 +34,8 @@ class LightFrame(eqx.Module):
         corner: (faces, 2) float64, plane coordinates of u = v = 0.
         extent: (faces, 2) float64, plane size of the rectangle.
         cone_axis: (3,) float64, world: the axis of a spot's cone, the normal of a flat light.
-        cos_cutoff: cosine of the cone's half angle; -1 for no cone, 0 for a flat light.
-        near: smallest axial depth that a receiver may have, scene units.
+        cos_cutoff: () float64, cosine of the cone's half angle; -1 for no cone, 0 for a flat light.
+        near: () float64, smallest axial depth that a receiver may have, scene units.
         perspective: whether rays start at `origin` (else they are parallel).
         area: the size of a light that has one: `origin` is then the centre of the surface, or the
             axis the middle of the sun. None for a light without size. Hard shadows take the centre,
@@ -46,8 +47,8 @@ class LightFrame(eqx.Module):
     corner: np.ndarray
     extent: np.ndarray
     cone_axis: np.ndarray
-    cos_cutoff: float
-    near: float
+    cos_cutoff: np.ndarray = eqx.field(converter=scalar)
+    near: np.ndarray = eqx.field(converter=scalar)
     perspective: bool = eqx.field(static=True)
     area: AreaLight | None = None
 

@@ -51,15 +51,15 @@ class Status(enum.Enum):
 
 @dataclass(frozen=True)
 class NodeCounts:
-    """What became of the nodes of an adaptive map.
+    """What the last build or update did to the nodes of an adaptive map.
 
     Attributes:
-        held: nodes with texels now.
-        made: nodes cast since the state was empty.
-        evicted: nodes given up for others since then.
-        recast: nodes cast again since then because light or casters moved.
-        dropped: nodes given up since then because light or casters moved.
-        reused: nodes that answered in the last build or update and were there before it.
+        held: nodes with texels after it.
+        made: nodes cast.
+        evicted: nodes given up for others.
+        recast: nodes cast again because light or casters moved.
+        dropped: nodes given up because light or casters moved.
+        reused: nodes that answered and were there before.
     """
 
     held: int
@@ -72,16 +72,15 @@ class NodeCounts:
 
 @dataclass(frozen=True)
 class Cost:
-    """What a state cost to build and holds in memory.
+    """What a state holds in memory, and what the `build` or `update` that returned it cost: that
+    one alone, of every algorithm. A map that was kept as it was cast no rays, in no passes.
 
     Attributes:
         texels: texels stored.
         bytes: bytes of all arrays of the state.
-        rays: light rays cast since the state was empty.
-        passes: launches of light rays since then.
-        updates: builds and updates since then.
-        seconds: wall time by stage since then, `build` (light rays, storing) and `analysis`
-            (deciding).
+        rays: light rays cast.
+        passes: launches of light rays.
+        seconds: wall time by stage, `build` (light rays, storing) and `analysis` (deciding).
         nodes: what became of the nodes; None for a map that has none.
     """
 
@@ -91,7 +90,6 @@ class Cost:
     passes: int
     seconds: dict[str, float] = field(default_factory=dict)
     nodes: NodeCounts | None = None
-    updates: int = 1
 
 
 class MapMemory(NamedTuple):
@@ -180,7 +178,7 @@ class ShadowAlgorithm(eqx.Module, Generic[State]):
 
     @abc.abstractmethod
     def cost(self, state: State) -> Cost:
-        """What the state cost and holds, read from its arrays."""
+        """What the state holds, read from its arrays, and what the last build or update cost."""
 
     @abc.abstractmethod
     def memory(self, faces: int) -> MapMemory:

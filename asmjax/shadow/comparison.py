@@ -12,6 +12,7 @@ from typing import Literal, Protocol, get_args
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float, Int, UInt16
 
 from asmjax.buffers import Receivers
@@ -20,6 +21,9 @@ from asmjax.errors import check_choice, require
 Compare = Literal["depth", "id", "both"]
 """What decides: depth alone, primitive id alone, or lit if either says so (Fernando et al. 2001,
 4.2: the id test has no bias, the depth test mends it along mesh edges)."""
+
+Number = Float[Array, ""] | Float[np.ndarray, ""] | float
+"""A number, as the host or a jitted function has it."""
 
 BIAS = 5e-6
 """Distance along the receiver's normal by which a caster must be nearer, as a fraction of the
@@ -90,10 +94,11 @@ def plane_is_trusted(
 
 
 def bias_distance(
-    receivers: Receivers, texel: Float[Array, "..."] | float, bias: Float[Array, ""] | float
+    receivers: Receivers, texel: Float[Array, "..."] | float, bias: Number
 ) -> Float[Array, " n"]:
     """How far along its normal a caster may stand above each receiver's tangent plane and still be
     taken for the receiver, scene units: (n,). What is thicker than that casts its shadow."""
+    bias = jnp.asarray(bias, receivers.depth.dtype)
     return bias * receivers.depth + CURVATURE_BIAS * texel * receivers.reach
 
 
@@ -104,7 +109,7 @@ def lit_by_texel(
     map_depth: Float[Array, " n"] | None,
     map_prim: UInt16[Array, " n"] | None,
     *,
-    bias: Float[Array, ""] | float,
+    bias: Number,
     perspective: bool,
 ) -> Bool[Array, " n"]:
     """Whether the texel `offset_uv` away lets light through to each receiver.

@@ -23,6 +23,7 @@ from asmjax.buffers import (
 from asmjax.errors import require
 from asmjax.geometry import LightFrame
 from asmjax.memory import Memory
+from asmjax.numerics import scalar
 from asmjax.shadow.base import (
     Cost,
     MapMemory,
@@ -118,7 +119,7 @@ class UniformShadowMap(ShadowAlgorithm[UniformState]):
 
     def program(self, frame: LightFrame) -> Hashable:
         """Shapes follow from the resolution."""
-        return self
+        return replace(self, bias=BIAS, keep=False)
 
     def rehearse(self, view: EyeBuffer, frame: LightFrame, rays: LightRays) -> UniformState:
         """What every build calls."""
@@ -132,15 +133,14 @@ class UniformShadowMap(ShadowAlgorithm[UniformState]):
         offset = light_offset(points, state.frame)
         return _visibility(
             state.frame, state.depth, state.prim, points, offset,
-            self.resolution, self.bias,
+            self.resolution, scalar(self.bias),
         )  # fmt: skip
 
     def around(self, state: UniformState, points: SurfacePoints) -> "FlatNeighbourhood":
         offset = light_offset(points, state.frame)
         place = _placed(points, state.frame, offset, self.resolution)
-        return FlatNeighbourhood(
-            *place, state.depth, state.prim, self.bias, self.resolution, state.frame.perspective
-        )
+        texels = state.depth, state.prim, scalar(self.bias)
+        return FlatNeighbourhood(*place, *texels, self.resolution, state.frame.perspective)
 
     def density(self, state: UniformState, points: SurfacePoints) -> Float[Array, "2 2 n"]:
         receivers = project(points, state.frame, light_offset(points, state.frame))
@@ -152,7 +152,7 @@ class UniformShadowMap(ShadowAlgorithm[UniformState]):
             texels=self.resolution**2 * state.frame.faces,
             bytes=array_bytes(state.depth, state.prim),
             rays=state.rays,
-            passes=1,
+            passes=1 if state.rays else 0,
             seconds={"build": state.seconds, "analysis": 0.0},
         )
 
@@ -173,7 +173,7 @@ class UniformShadowMap(ShadowAlgorithm[UniformState]):
         """Receivers whose 2 x 2 nearest texels disagree about them."""
         return _straddling(
             state.frame.perspective, state.depth, state.prim, receivers,
-            self.resolution, self.bias,
+            self.resolution, scalar(self.bias),
         )  # fmt: skip
 
 
@@ -209,7 +209,7 @@ class FlatNeighbourhood(Neighbourhood):
     texel: Int[Array, "2 n"]
     depth: Float[Array, " texels"] | None
     prim: UInt16[Array, " texels"] | None
-    bias: float
+    bias: np.ndarray | Array
     resolution: int = eqx.field(static=True)
     perspective: bool = eqx.field(static=True)
 

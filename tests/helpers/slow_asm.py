@@ -117,6 +117,7 @@ class SlowASM:
     Attributes:
         roots: level-0 nodes by face, column and row.
         frame: number of builds and updates so far.
+        made, evicted, passes: of the last one.
     """
 
     def __init__(self, settings: AdaptiveShadowMap, light: LightFrame, rays: LightRays):
@@ -149,6 +150,7 @@ class SlowASM:
 
     def update(self, view: EyeBuffer) -> None:
         self.frame += 1
+        self.made = self.evicted = self.passes = 0
         if eqx.tree_equal(self.camera, view.camera):
             self._rest(view)
         else:

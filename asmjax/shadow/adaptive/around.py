@@ -11,6 +11,7 @@ from functools import partial
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from asmjax.buffers import Receivers, SurfacePoints, project
@@ -40,7 +41,7 @@ class PagedNeighbourhood(Neighbourhood):
     address: Address
     entry: Int[Array, " n"]
     tree: Tree
-    bias: float
+    bias: np.ndarray | Array
     shape: TreeShape = eqx.field(static=True)
     perspective: bool = eqx.field(static=True)
 

@@ -18,6 +18,7 @@ from asmjax.buffers import EyeBuffer, LightRays, SurfacePoints, anchor, light_of
 from asmjax.errors import check_choice, require
 from asmjax.geometry import LightFrame
 from asmjax.memory import Memory
+from asmjax.numerics import scalar
 from asmjax.shadow.adaptive.address import address_of
 from asmjax.shadow.adaptive.around import PagedNeighbourhood, placed
 from asmjax.shadow.adaptive.attention import compile_attention
@@ -187,7 +188,7 @@ class AdaptiveShadowMap(ShadowAlgorithm[AdaptiveState]):
             return replace(self, cost_model=host.cost_model).build(view, frame, rays)
         same_light = state.frame is frame or eqx.tree_equal(state.frame, frame)
         pool = host.pool if same_light else NodePool(shape)
-        log = replace(host.log)
+        log = host.log.next()
         if not same_light:
             log.dropped += host.pool.used_pages
         refiner = Refiner(
@@ -260,7 +261,7 @@ class AdaptiveShadowMap(ShadowAlgorithm[AdaptiveState]):
         *query, bias = self._query(state, points)
         receivers, fraction, address, entry = placed(*query, shape=state.shape)
         return PagedNeighbourhood(
-            receivers, fraction, address, entry, state.tree, bias,
+            receivers, fraction, address, entry, state.tree, scalar(bias),
             state.shape, state.frame.perspective,
         )  # fmt: skip
 
@@ -294,7 +295,6 @@ class AdaptiveShadowMap(ShadowAlgorithm[AdaptiveState]):
             passes=log.passes,
             seconds={"build": log.build, "analysis": log.analysis},
             nodes=NodeCounts(held, log.made, log.evicted, log.recast, log.dropped, log.reused),
-            updates=log.frame,
         )
 
     def memory(self, faces: int) -> MapMemory:

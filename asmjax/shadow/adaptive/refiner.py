@@ -101,7 +101,6 @@ class Refiner:
         self.settings, self.shape, self.tree, self.pool = settings, shape, tree, pool
         self.cost_model, self.log, self.view = cost_model, log, view
         self.frame, self.rays, self.start = frame, rays, start
-        self.before = log.build
         self.last_look = 0.0
         self.given_up = 0
         self.planted = False
@@ -344,4 +343,4 @@ class Refiner:
         self.log.reused = int((used & ~self.made[self.pool.held()]).sum())
         # All that is not casting and storing, whatever it was.
         wall = time.perf_counter() - self.start
-        self.log.analysis += wall - (self.log.build - self.before)
+        self.log.analysis = wall - self.log.build

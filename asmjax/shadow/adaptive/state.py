@@ -22,7 +22,7 @@ _serials = itertools.count()
 
 @dataclass
 class BuildLog:
-    """What building took so far, and how it ended.
+    """What one build or update took, how it ended, and what is counted from the first one on.
 
     Attributes:
         build, analysis: seconds of wall time: light rays and storing, and deciding.
@@ -30,7 +30,7 @@ class BuildLog:
         made, evicted, recast, dropped, reused: as `asmjax.shadow.NodeCounts`.
         frame: builds and updates so far; pages are stamped with it.
         slowness: measured / predicted seconds of the launches so far, 1 before the first.
-        status: how the last build or update ended.
+        status: how it ended; before it did, how the one before ended.
     """
 
     build: float = 0.0
@@ -45,6 +45,10 @@ class BuildLog:
     frame: int = 0
     slowness: float = 1.0
     status: Status = Status.COMPLETE
+
+    def next(self) -> "BuildLog":
+        """The log that the next update begins with."""
+        return BuildLog(frame=self.frame, slowness=self.slowness, status=self.status)
 
 
 class HostSide:

@@ -17,7 +17,7 @@ from asmjax.buffers import Receivers
 from asmjax.shadow.adaptive.address import Address, centre_offset, index_at, inverse_power
 from asmjax.shadow.adaptive.page_table import find_entries, level_of, page_of, take
 from asmjax.shadow.adaptive.shape import GUARD, TreeShape
-from asmjax.shadow.comparison import Compare, lit_by_texel, pack_prim, stored, texel_bytes
+from asmjax.shadow.comparison import Compare, Number, lit_by_texel, pack_prim, stored, texel_bytes
 
 FIRST_BYTES = 16 << 20
 """Memory of the texels that a tree begins with, at most: writing all of a large limit before
@@ -97,7 +97,7 @@ def page_outcome(
     entry: Int[Array, " n"],
     step: tuple[Int[Array, " n"], Int[Array, " n"]] | None,
     *,
-    bias: Float[Array, ""] | float,
+    bias: Number,
     perspective: bool,
     place: Address | None = None,
 ):
@@ -130,7 +130,7 @@ def lookup(
     receivers: Receivers,
     address: Address,
     *,
-    bias: Float[Array, ""] | float,
+    bias: Number,
     perspective: bool,
 ):
     """Visibility (n,) bool by the finest texel over each receiver, and its level (n,)."""

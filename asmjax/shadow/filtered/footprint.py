@@ -11,7 +11,7 @@ FARTHEST = 2.0**24
 """Texels that a sample is away at the most: no map has more a side."""
 
 
-def box_of(texels: Float[Array, "2 2 n"], least: float) -> Float[Array, "2 n"]:
+def box_of(texels: Float[Array, "2 2 n"], least: Float[Array, ""] | float) -> Float[Array, "2 n"]:
     """Half the sides, in texels, of the box along columns and rows around a pixel's footprint.
 
     `texels` is d(texel) / d(pixel): the footprint on the receiver's tangent plane is the

@@ -14,6 +14,7 @@ from asmjax.buffers import EyeBuffer, LightRays, SurfacePoints
 from asmjax.errors import require, unknown_name
 from asmjax.footprint import uv_jacobian
 from asmjax.geometry import Camera, LightFrame
+from asmjax.numerics import scalar
 from asmjax.shadow.base import Cost, MapMemory, ShadowAlgorithm, Status, array_bytes
 from asmjax.shadow.comparison import Compare, Tested
 from asmjax.shadow.filtered.footprint import box_of, stratified
@@ -124,7 +125,9 @@ class FilteredShadowMap(ShadowAlgorithm[FilteredState]):
         self.inner.warm_up(state.inner, view, frame)
 
     def program(self, frame: LightFrame) -> Hashable:
-        return self.kernel, self.width, self.strata, self.inner.program(frame)
+        """A window's width decides how many tests there are; a footprint's least does not."""
+        width = self.width if self.kernel == "area" else None
+        return self.kernel, width, self.strata, self.inner.program(frame)
 
     def rehearse(self, view: EyeBuffer, frame: LightFrame, rays: LightRays) -> FilteredState:
         return _state(self.inner.rehearse(view, frame, rays), view, frame)
@@ -140,7 +143,7 @@ class FilteredShadowMap(ShadowAlgorithm[FilteredState]):
         if self.kernel == "original":
             return _original(
                 around, self.density(state, points), points, state.camera,
-                _from_eye(state, points), state.frame, self.width, self.strata,
+                _from_eye(state, points), state.frame, scalar(self.width), self.strata,
             )  # fmt: skip
         return _box(around, WINDOWS.get(self.kernel, self.width))
 
@@ -195,13 +198,12 @@ def _dithered(around: Neighbourhood, points, camera, from_eye):
 
 
 @eqx.filter_jit
-def _original(
-    around: Neighbourhood, density, points, camera, from_eye, frame, width: float, strata: int
-):
+def _original(around: Neighbourhood, density, points, camera, from_eye, frame, width, strata: int):
     points = _seen(points, from_eye)
     jacobian = uv_jacobian(points, camera, frame, around.receivers)
     texels = jnp.stack(
         [jnp.stack([d[0] * jacobian[0, i] + d[1] * jacobian[1, i] for i in range(2)])
          for d in density]
     )  # fmt: skip
-    return stratified(around, box_of(texels, width), pixel_of(points, camera), strata)
+    half = box_of(texels, jnp.asarray(width, texels.dtype))
+    return stratified(around, half, pixel_of(points, camera), strata)

@@ -126,7 +126,7 @@ class AccumulatedShadowMap(ShadowAlgorithm[AccumulatedState]):
 
     def program(self, frame: LightFrame) -> Hashable:
         """One compilation serves all samples, whatever their number."""
-        return self._flat(frame), frame.area is None
+        return self._flat(frame).program(frame), frame.area is None
 
     def rehearse(self, view: EyeBuffer, frame: LightFrame, rays: LightRays) -> AccumulatedState:
         """What every build calls."""

@@ -12,6 +12,7 @@ from jaxtyping import Array, Float
 from asmjax.buffers import Receivers, SurfacePoints, double, light_offset, project
 from asmjax.errors import require
 from asmjax.geometry import LightFrame
+from asmjax.numerics import scalar
 from asmjax.shadow.comparison import BIAS, FLATTEST, bias_distance
 from asmjax.shadow.soft.hamburger import mean_blocker, shadow_intensity
 from asmjax.shadow.soft.light_taps import horizon, seen, share_above, shift_at, taps_of
@@ -95,7 +96,7 @@ class MomentShadowMap(WideShadowMap):
         taps = None if frame.area is None else taps_of(frame.area, HORIZON_TAPS).T
         return _visibility(
             self.texels(state), state.sums, points, light_offset(points, frame), taps,
-            self.resolution, self.kernel, self.bias,
+            self.resolution, scalar(self.kernel), scalar(self.bias),
         )  # fmt: skip
 
     def filter_texels(self, frame: LightFrame) -> float:
@@ -149,7 +150,7 @@ def _asked(
     per_texel = resolution / wide
     place = (receivers.uv + jnp.stack(window.centre) + margin) * per_texel
     centre = jnp.clip(place, 0.5, resolution - 0.5)
-    half = jnp.maximum(jnp.stack(window.half) * per_texel, 0.5 * kernel)
+    half = jnp.maximum(jnp.stack(window.half) * per_texel, 0.5 * jnp.asarray(kernel, dtype))
     depth = _nearest_of_plane(
         receivers,
         (centre / per_texel - margin) - receivers.uv,

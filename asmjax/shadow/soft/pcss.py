@@ -12,6 +12,7 @@ from jaxtyping import Array, Float
 from asmjax.buffers import SurfacePoints, light_offset, project
 from asmjax.errors import require
 from asmjax.geometry import LightFrame
+from asmjax.numerics import scalar
 from asmjax.shadow.comparison import BIAS, Compare
 from asmjax.shadow.soft.light_taps import horizon, scale_at, seen, shift_at, taps_of
 from asmjax.shadow.soft.wide_map import (
@@ -88,7 +89,7 @@ class PCSSShadowMap(WideShadowMap):
         taps = tuple(taps_of(frame.area, k).T for k in (self.blocker_taps, self.filter_taps))
         return _visibility(
             self.texels(state), points, light_offset(points, frame), taps,
-            self.resolution, self.bias, self.compare != "id",
+            self.resolution, scalar(self.bias), self.compare != "id",
         )  # fmt: skip
 
 

@@ -29,8 +29,16 @@ from asmjax.buffers import (
 from asmjax.errors import require
 from asmjax.geometry import LightFrame
 from asmjax.memory import Memory
+from asmjax.numerics import scalar
 from asmjax.shadow.base import Cost, MapMemory, ShadowAlgorithm, Status, array_bytes
-from asmjax.shadow.comparison import Compare, check_test, lit_by_texel, pack_prim, texel_bytes
+from asmjax.shadow.comparison import (
+    BIAS,
+    Compare,
+    check_test,
+    lit_by_texel,
+    pack_prim,
+    texel_bytes,
+)
 from asmjax.shadow.neighbourhood import Neighbourhood
 from asmjax.shadow.soft.light_taps import Seen, shift_at
 from asmjax.shadow.soft.nearest import least_depths, least_in, sides
@@ -169,8 +177,8 @@ class WideShadowMap(ShadowAlgorithm[WideState]):
         """Nothing: every update calls the same."""
 
     def program(self, frame: LightFrame) -> Hashable:
-        """Shapes follow from the settings, and from whether the light has a size."""
-        return self, self.is_uniform(frame)
+        """Shapes follow from all settings but the bias, and from whether the light has a size."""
+        return replace(self, bias=BIAS, keep=False), self.is_uniform(frame)
 
     def rehearse(self, view: EyeBuffer, frame: LightFrame, rays: LightRays) -> WideState:
         """What every build calls."""
@@ -198,11 +206,12 @@ class WideShadowMap(ShadowAlgorithm[WideState]):
         frame = state.flat.frame
         return _density(
             frame, state.margin, points, light_offset(points, frame),
-            self.resolution / self.filter_texels(frame),
+            scalar(self.resolution / self.filter_texels(frame)),
         )  # fmt: skip
 
     def cost(self, state: WideState) -> Cost:
         probed = state.margin is not None and state.flat.frame.area is not None
+        kept = state.flat.rays == 0
         return Cost(
             texels=self.resolution**2 * state.flat.frame.faces,
             bytes=array_bytes(
@@ -215,7 +224,7 @@ class WideShadowMap(ShadowAlgorithm[WideState]):
                 state.sums,
             ),  # fmt: skip
             rays=state.flat.rays,
-            passes=2 if probed else 1,
+            passes=0 if kept else 2 if probed else 1,
             seconds={"build": state.flat.seconds, "analysis": 0.0},
         )
 
@@ -362,8 +371,9 @@ def of_face(margin, receivers: Receivers) -> Float[Array, "2 k"]:
 
 
 @eqx.filter_jit
-def _density(frame, margin, points, offset, resolution: float):
+def _density(frame, margin, points, offset, resolution):
     receivers = project(points, frame, offset)
+    resolution = jnp.asarray(resolution, receivers.depth.dtype)
     texels = jnp.where(receivers.facing, resolution / (1 + 2 * of_face(margin, receivers)), 0)
     none = jnp.zeros_like(texels[0])
     return jnp.stack([jnp.stack([texels[0], none]), jnp.stack([none, texels[1]])])

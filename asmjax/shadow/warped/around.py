@@ -2,6 +2,7 @@
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float, UInt16
 
 from asmjax.buffers import Receivers
@@ -29,7 +30,7 @@ class ChartNeighbourhood(Neighbourhood):
     found: Bool[Array, " n"]
     depth: Float[Array, " texels"] | None
     prim: UInt16[Array, " texels"] | None
-    bias: float
+    bias: np.ndarray | Array
     perspective: bool = eqx.field(static=True)
 
     def lit(

@@ -9,6 +9,7 @@ them like any other.
 import abc
 import time
 from collections.abc import Hashable
+from dataclasses import replace
 from typing import ClassVar, NamedTuple
 
 import equinox as eqx
@@ -28,7 +29,7 @@ from asmjax.buffers import (
 from asmjax.errors import require
 from asmjax.geometry import Chart, Charts, LightFrame, laid_out, padded
 from asmjax.memory import Memory
-from asmjax.numerics import dot
+from asmjax.numerics import dot, scalar
 from asmjax.shadow.base import (
     Cost,
     MapMemory,
@@ -36,7 +37,7 @@ from asmjax.shadow.base import (
     Status,
     array_bytes,
 )
-from asmjax.shadow.comparison import Compare, check_test, stored, texel_bytes
+from asmjax.shadow.comparison import BIAS, Compare, check_test, stored, texel_bytes
 from asmjax.shadow.warped.around import ChartNeighbourhood
 from asmjax.shadow.warped.table import ChartTable, chart_of, place_in, table_of
 
@@ -142,8 +143,8 @@ class ChartedShadowMap(ShadowAlgorithm[ChartedState]):
         """Nothing: every update calls the same."""
 
     def program(self, frame: LightFrame) -> Hashable:
-        """Shapes follow from the settings."""
-        return self
+        """Shapes follow from all settings but the bias."""
+        return replace(self, bias=BIAS)
 
     def rehearse(self, view: EyeBuffer, frame: LightFrame, rays: LightRays) -> ChartedState:
         """What every build calls."""
@@ -154,13 +155,13 @@ class ChartedShadowMap(ShadowAlgorithm[ChartedState]):
         return state
 
     def visibility(self, state: ChartedState, points: SurfacePoints) -> Float[Array, " n"]:
-        return _visibility(state.drawn, points, _seen_from(state, points), self.bias)
+        return _visibility(state.drawn, points, _seen_from(state, points), scalar(self.bias))
 
     def around(self, state: ChartedState, points: SurfacePoints) -> ChartNeighbourhood:
         drawn = state.drawn
         place = _around(drawn, points, _seen_from(state, points))
         return ChartNeighbourhood(
-            *place, drawn.depth, drawn.prim, self.bias, drawn.frame.perspective
+            *place, drawn.depth, drawn.prim, scalar(self.bias), drawn.frame.perspective
         )
 
     def density(self, state: ChartedState, points: SurfacePoints) -> Float[Array, "2 2 n"]:

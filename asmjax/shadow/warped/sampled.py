@@ -9,7 +9,7 @@ import numpy as np
 
 from asmjax.buffers import EyeBuffer, SurfacePoints, light_offset, project
 from asmjax.geometry import LightFrame, towards_light
-from asmjax.numerics import dot
+from asmjax.numerics import dot, scalar
 from asmjax.shadow.warped.body import Body
 from asmjax.shadow.warped.sight import (
     BINS,
@@ -81,7 +81,7 @@ def sampled_receivers(view: EyeBuffer, frame: LightFrame, measure: Measure) -> R
         valid=jnp.asarray(valid),
         origin=view.camera.origin,
     )
-    camera = eqx.tree_at(lambda c: (c.near, c.far), view.camera, (0.0, 0.0))
+    camera = eqx.tree_at(lambda c: (c.near, c.far), view.camera, (scalar(0), scalar(0)))
     found = _in_light(points, camera, frame, light_offset(points, frame), measure)
     uv, jacobian, plane, scale, face, counts = (np.asarray(part) for part in found)
     depth = np.where(valid, view.depth[index], 1.0)
