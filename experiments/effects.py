@@ -27,11 +27,12 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from PIL import Image
 
-from asmjax.buffers import seen_points
+from asmjax.buffers import EyeBuffer, seen_points
 from asmjax.cli.caches import enable_compilation_cache
 from asmjax.effects import TOLERANCE
 from asmjax.effects.decide import MAP_TEXELS
 from asmjax.effects.methods import soft_methods
+from asmjax.effects.planning import parts_of
 from asmjax.effects.probe import light_paths
 from asmjax.effects.records import percent
 from asmjax.experiment import in_turns, median_of, ratio_of, timed
@@ -41,13 +42,14 @@ from asmjax.geometry.area_light import sun_light
 from asmjax.machine import keep_freed_memory
 from asmjax.main_job import measure_scene
 from asmjax.options import RunOptions
-from asmjax.planning import plan_effects
+from asmjax.planning import asked_of, plan_effects
 from asmjax.render.load import Scene, load_scene
 from asmjax.report.figures.board import CAPTION, EDGE, GAP, HEAD, Board, png
 from asmjax.report.figures.shading import shade
 from asmjax.report.figures.style import BACKGROUND, styled
 from asmjax.report.stepwise import StepwiseRecord, head_of
 from asmjax.scene.other_scenes import OTHER_SCENES, other_scene, why_left_out
+from asmjax.scene.spec import ViewSpec
 from asmjax.shadow import ALGORITHMS, AccumulatedShadowMap, ShadowAlgorithm, UniformShadowMap
 from asmjax.shadow.registry import FILTERS, SOFT
 
@@ -121,6 +123,16 @@ def scene_of(subject: Subject) -> Scene | None:
     return scene.with_light(replace(light, area=sun_light(light.direction, SUN)))
 
 
+def part_of(scene: Scene, view: ViewSpec, eye: EyeBuffer, name: str) -> np.ndarray:
+    """What part of the light each pixel (n,) gets from a light where nothing shades it, as the plan
+    has it of its probe."""
+    asked = asked_of(scene, view)
+    lights = [replace(one, frame=scene.light_frame(eye, one.spec.name)) for one in asked.lights]
+    paths = [light_paths(eye, one.frame) for one in lights]
+    parts, _ = parts_of(replace(asked, eye=eye, lights=lights), paths)
+    return parts[[one.spec.name for one in lights].index(name)]
+
+
 class Study:
     """The steps of the experiment; each adds to the record."""
 
@@ -156,7 +168,7 @@ class Study:
         hard = scene.shadow_rays(eye, frame, rays).trace().astype(float)
         soft = None if frame.area is None else scene.soft_rays(eye, frame, rays, 4, 4).estimate()
         truth = hard if soft is None else soft.visibility
-        seen = seen_points(eye)
+        seen, part = seen_points(eye), part_of(scene, view, eye, light.name)
 
         def run(algorithm: ShadowAlgorithm):
             state = algorithm.build(eye, frame, rays)
@@ -173,7 +185,7 @@ class Study:
         seconds = {name: [run[1] for run in found] for name, found in turns.items()}
 
         def off(image: np.ndarray) -> float:
-            return float(known.share * np.abs(image - truth)[eye.valid].mean())
+            return float((part * np.abs(image - truth))[eye.valid].mean())
 
         if light.kind != "directional" or frame.area is not None:
             # Where edges are hard, by rays: of a map its own error would be seen as well.
@@ -181,7 +193,7 @@ class Study:
             albedo, valid = eye.albedo.reshape(3, *eye.size), eye.valid.reshape(eye.size)
             cosine = light_paths(eye, frame).cosine.reshape(eye.size)
             pair = [shade(albedo, cosine, lit.reshape(eye.size), valid) for lit in (shown, truth)]
-            apart = np.where(eye.valid, known.share * (shown - truth), np.nan)
+            apart = np.where(eye.valid, part * (shown - truth), np.nan)
             self.pictured.append(Pictured(
                 f"{subject.name}: {decision.kind}",
                 f"by {planned.name}" if soft_ones else "by a shadow ray to its centre",

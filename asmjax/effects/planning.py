@@ -57,7 +57,7 @@ def plan_lights(
         None if light.frame is None else probe.light_paths(eye, light.frame)
         for light in asked.lights
     ]
-    parts, notes = _parts(asked, paths)
+    parts, notes = parts_of(asked, paths)
     sky, cast = _surroundings(asked, parts, tolerance, seed)
     order = sorted(
         (k for k, light in enumerate(asked.lights) if light.spec.name in (asked.chosen or names)),
@@ -144,7 +144,7 @@ def _because(outcome: Outcome, why: str) -> Outcome:
     return Outcome((replace(decision, reason=why),), (replace(skipped, reason=why),))
 
 
-def _parts(
+def parts_of(
     asked: SceneAsked, paths: Sequence[probe.Paths | None]
 ) -> tuple[list[np.ndarray], list[str]]:
     """What part of the light each light brings to each pixel (n,) where nothing shades it; what
