@@ -209,7 +209,7 @@ def test_a_label_that_has_no_room_beside_zero_is_left_out():
         ("UPDATE trials SET started = 9e99", "started at no time"),
         ("UPDATE trials SET started = 'soon'", "started of trial"),
         ("PRAGMA user_version = 7", "is of version 7"),
-        ("DROP TABLE trials", "cannot read"),
+        ("ALTER TABLE trials RENAME TO others", "cannot read"),
     ],
 )
 def test_wrong_rows_are_one_line_and_exit_2(change, said, trials, tmp_path, capsys):

@@ -86,7 +86,8 @@ def _ended(swept: Swept, known: Collection[str]) -> list[str]:
     told = [f"{count:,} {end}" for end, count in ends.most_common()]
     told += [f"{swept.left:,} still to be run"] if swept.left else []
     said = [f"{plural(report['trials'], 'trial')}: {listed(told)}."]
-    if swept.left and (why := _UNFINISHED.get(report["status"])):
+    if swept.left:
+        why = _UNFINISHED.get(report["status"], f"the last run ended {report['status']}")
         said.append(f"It is not complete: {why}; the same command goes on.")
     before = sum(row.key in known for row in swept.rows)
     ran = len(swept.rows) - before
