@@ -12,6 +12,9 @@ import pytest
 ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 
+SCRIPTS = ("tests", "experiments", "analysis", "notebooks")
+"""Folders whose files import each other."""
+
 MODULES = {"pillow": "PIL", "pyyaml": "yaml"}
 """Of packages that are not called as what they bring, "-" and "_" aside."""
 
@@ -58,10 +61,8 @@ def imported(*folders: str) -> set[str]:
             found |= {alias.name.partition(".")[0] for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
             found.add(node.module.partition(".")[0])
-    own = {"asmjax", "helpers"} | {
-        path.stem for folder in folders for path in (ROOT / folder).iterdir()
-    }
-    return found - own - sys.stdlib_module_names
+    ours = {"asmjax"} | {path.stem for folder in SCRIPTS for path in (ROOT / folder).iterdir()}
+    return found - ours - sys.stdlib_module_names
 
 
 def called_with(function: str, place: int) -> set[str]:
