@@ -5,7 +5,7 @@ Mitsuba 3 renders eye and light buffers; JAX computes the rest. Start with::
 
     import asmjax
     scene = asmjax.load_scene("paper_room")
-    eye = scene.eye(scene.view("closeup"))
+    eye = scene.eye("closeup")
     frame = scene.light_frame(eye)
     asm = asmjax.AdaptiveShadowMap()
     state = asm.build(eye, frame, scene.light_rays())
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from asmjax.errors import UseError
     from asmjax.main_job import measure_scene, run_main_job
     from asmjax.options import AnalyzeOptions, CompareOptions, PlanOptions, RunOptions, TuneOptions
-    from asmjax.plan_job import run_plan
+    from asmjax.plan_job import plan_scene, run_plan
     from asmjax.planning import plan_effects
     from asmjax.render.load import Scene, load_scene
     from asmjax.scene import list_scenes
@@ -85,6 +85,7 @@ _HOME = {
     "measure_scene": "asmjax.main_job",
     "measure_walkthrough": "asmjax.walkthrough_job",
     "plan_effects": "asmjax.planning",
+    "plan_scene": "asmjax.plan_job",
     "read_settings": "asmjax.shadow",
     "run_analysis": "asmjax.analyze_job",
     "run_comparison": "asmjax.compare_job",
@@ -130,6 +131,7 @@ __all__ = [
     "measure_scene",
     "measure_walkthrough",
     "plan_effects",
+    "plan_scene",
     "read_settings",
     "run_analysis",
     "run_comparison",

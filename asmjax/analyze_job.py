@@ -4,6 +4,7 @@ import logging
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 from tqdm import tqdm
 
@@ -24,7 +25,7 @@ from asmjax.experiment.soft_rays import answers_softly, calls_for_soft_truth
 from asmjax.folders import results_folder
 from asmjax.job_memory import Sight, analyze_stages
 from asmjax.memory import Stage
-from asmjax.options import AnalyzeOptions
+from asmjax.options import AnalyzeOptions, given_options
 from asmjax.preparation import (
     ChosenMaps,
     Progress,
@@ -71,14 +72,20 @@ def run_analysis(options: AnalyzeOptions) -> AnalysisResult:
     return result
 
 
-def analyse_scene(options: AnalyzeOptions, progress: Progress = lambda _: None) -> AnalysisResult:
-    """Everything that `asmjax analyze` measures; writes nothing. `progress` hears of each step.
+def analyse_scene(
+    options: AnalyzeOptions | str = "paper_room",
+    progress: Progress = lambda _: None,
+    **changes: Any,
+) -> AnalysisResult:
+    """Everything that `asmjax analyze` measures with the options, or
+    `analyse_scene("terrain", angles=0)`; writes nothing. `progress` hears of each step.
 
     An algorithm that cannot be used on the scene is left out; `left_out` of the result says why.
 
     Raises:
         UseError: wrong options, a scene that cannot be used, or no algorithm that can.
     """
+    options = given_options(AnalyzeOptions, options, changes)
     families = families_of(options.methods)
     chosen = chosen_maps(options)
     if options.settings is not None:

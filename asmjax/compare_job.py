@@ -4,7 +4,7 @@ import contextlib
 import logging
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import groupby
 from typing import Any, NamedTuple
@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 from tqdm import tqdm
 
 from asmjax.delivery import deliver
-from asmjax.errors import UseError, require, unknown_name
+from asmjax.errors import UseError, require
 from asmjax.experiment.bench import Bench
 from asmjax.experiment.comparison import Compared, common_yardstick, pooled
 from asmjax.experiment.ledger import Ledger, LedgerError
@@ -28,7 +28,7 @@ from asmjax.experiment.trial import Trial
 from asmjax.folders import kept_measurements, results_folder
 from asmjax.job_memory import Sight, held_besides, trial_stages
 from asmjax.memory import Forecast, Stage, check, limit_of
-from asmjax.options import CompareOptions
+from asmjax.options import CompareOptions, given_options
 from asmjax.preparation import (
     ChosenMaps,
     bench_of,
@@ -102,22 +102,21 @@ def run_comparison(options: CompareOptions) -> ComparisonResult:
     return result
 
 
-def compare(scene: str = "paper_room", *, quiet: bool = True, **options: Any) -> ComparisonResult:
+def compare(
+    scene: CompareOptions | str = "paper_room", *, quiet: bool = True, **options: Any
+) -> ComparisonResult:
     """What accuracy costs on a scene; `options` are those of `asmjax compare`, as of
-    `CompareOptions`.
+    `CompareOptions`, which may stand in the scene's place.
 
     Nothing is written unless `out` names a folder, where measurements are kept and found again.
     `quiet=False` shows a progress bar.
 
     Raises:
         UseError: as `run_comparison`, or an unknown option.
-        KeyboardInterrupt: what was measured is lost without `out`.
+        KeyboardInterrupt: before the first trial was finished; of what was finished the result
+            tells, `ended` is "interrupted", and a warning says so.
     """
-    known = [field.name for field in fields(CompareOptions)]
-    for name in options:
-        if name not in known:
-            raise unknown_name("option", name, known)
-    chosen = CompareOptions(scene=scene, quiet=quiet, **options)
+    chosen = given_options(CompareOptions, scene, {"quiet": quiet, **options})
     comparing = Comparing(chosen)
     outputs = None
     if chosen.out is not None:
@@ -126,10 +125,12 @@ def compare(scene: str = "paper_room", *, quiet: bool = True, **options: Any) ->
     ledger = Ledger() if outputs is None else kept_measurements(outputs.path, chosen.fresh)
     with tqdm(disable=quiet, leave=False, unit="trial") as bar:
         result = comparing.measured(ledger, bar)
-    if outputs is not None and result.trials:
+    if not result.trials:
+        raise KeyboardInterrupt("no trial was finished")
+    if outputs is not None:
         write_comparison(result, report_of_comparison(result, chosen.seed), outputs)
     if result.ended == "interrupted":
-        raise KeyboardInterrupt("" if outputs is None else f"what is finished is in {outputs}/")
+        _log.warning("interrupted: %d of %d trials are made", len(result.trials), result.asked)
     return result
 
 

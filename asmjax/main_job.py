@@ -3,6 +3,7 @@
 import logging
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 from tqdm import tqdm
 
@@ -13,7 +14,7 @@ from asmjax.experiment.soft_rays import calls_for_soft_truth
 from asmjax.folders import results_folder
 from asmjax.job_memory import Sight, run_stages
 from asmjax.memory import Stage
-from asmjax.options import RunOptions, force_of
+from asmjax.options import RunOptions, force_of, given_options
 from asmjax.planning import plan_effects
 from asmjax.preparation import (
     ChosenMaps,
@@ -63,12 +64,18 @@ def _text(report: dict) -> str:
     return "\n".join(lines)
 
 
-def measure_scene(options: RunOptions, progress: Progress = lambda _: None) -> RunResult:
-    """Everything that `asmjax run` measures; writes nothing. `progress` hears of each step.
+def measure_scene(
+    options: RunOptions | str = "paper_room",
+    progress: Progress = lambda _: None,
+    **changes: Any,
+) -> RunResult:
+    """Everything that `asmjax run` measures with the options, or
+    `measure_scene("terrain", memory_mb=4)`; writes nothing. `progress` hears of each step.
 
     Raises:
         UseError: wrong options or a scene that cannot be used.
     """
+    options = given_options(RunOptions, options, changes)
     chosen = chosen_maps(options)
 
     def stages(sight: Sight, faces: int) -> list[Stage]:

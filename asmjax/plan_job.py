@@ -1,6 +1,7 @@
 """`asmjax plan`: which shadow effects a scene calls for, and which it does not."""
 
 from functools import partial
+from typing import Any
 
 from tqdm import tqdm
 
@@ -9,7 +10,7 @@ from asmjax.effects import plan_lights, probe_size
 from asmjax.folders import results_folder
 from asmjax.job_memory import Sight, plan_stages
 from asmjax.memory import check, limit_of
-from asmjax.options import PlanOptions, force_of
+from asmjax.options import PlanOptions, force_of, given_options
 from asmjax.planning import asked_of, known_rates, measured_rates
 from asmjax.preparation import Progress, StepBar, chosen_view
 from asmjax.render.load import load_scene
@@ -40,12 +41,18 @@ def run_plan(options: PlanOptions) -> PlanResult:
     return result
 
 
-def plan_scene(options: PlanOptions, progress: Progress = lambda _: None) -> PlanResult:
-    """The plan that the options ask for; writes nothing. `progress` hears of each step.
+def plan_scene(
+    options: PlanOptions | str = "paper_room",
+    progress: Progress = lambda _: None,
+    **changes: Any,
+) -> PlanResult:
+    """The plan that the options ask for, or `plan_scene("terrain", tolerance=1e-3)`; writes
+    nothing. `progress` hears of each step.
 
     Raises:
         UseError: wrong options or a scene that cannot be used.
     """
+    options = given_options(PlanOptions, options, changes)
     progress("scene")
     force = force_of(options.force)
     limit = limit_of(options.max_memory_mb)

@@ -33,7 +33,7 @@ from asmjax.shadow.adaptive import kept_model, on_this_machine
 
 def plan_effects(
     scene: Scene,
-    view: ViewSpec | str | None = None,
+    view: ViewSpec | str | int | None = None,
     tolerance: float = TOLERANCE,
     *,
     force: Mapping[str, str] | None = None,
@@ -44,7 +44,7 @@ def plan_effects(
     """Which shadow effects a view of a scene calls for, what is skipped, and what is missing.
 
     Args:
-        view: of the scene, or its name; the first one without.
+        view: of the scene, or its name or index; the first one without.
         tolerance: part of the picture's light, mean over its pixels, whose change nobody minds.
         force: what to simulate whatever the numbers say, by light ("*" is all others): none, hard,
             or soft (of lights with a size).

@@ -4,7 +4,7 @@ import contextlib
 import logging
 import time
 from collections.abc import Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -12,13 +12,13 @@ from typing import Any
 from tqdm import tqdm
 
 from asmjax.delivery import deliver
-from asmjax.errors import UseError, require, unknown_name
+from asmjax.errors import UseError, require
 from asmjax.experiment.bench import Bench
 from asmjax.experiment.ledger import Ledger
 from asmjax.folders import kept_measurements, results_folder
 from asmjax.job_memory import held_besides, trial_stages
 from asmjax.memory import check, limit_of
-from asmjax.options import PRICE, TuneOptions
+from asmjax.options import PRICE, TuneOptions, given_options
 from asmjax.preparation import (
     ChosenMaps,
     Progress,
@@ -83,26 +83,26 @@ def run_tuning(options: TuneOptions) -> TuningResult:
         write = partial(write_tuning, result, report, outputs)
         what = f"report, figures and {SETTINGS}"
         deliver(text, write, outputs, bar, quiet=options.quiet, what=what)
-    _raise_if_interrupted(result, outputs)
+    if result.outcome is Outcome.INTERRUPTED:
+        raise KeyboardInterrupt(f"the best settings so far are in {outputs}/; {GO_ON}")
     return result
 
 
-def tune(scene: str = "paper_room", *, quiet: bool = True, **options: Any) -> TuningResult:
+def tune(
+    scene: TuneOptions | str = "paper_room", *, quiet: bool = True, **options: Any
+) -> TuningResult:
     """The settings of an adaptive map that suit a scene; `options` are those of `asmjax tune`, as
-    of `TuneOptions`.
+    of `TuneOptions`, which may stand in the scene's place.
 
     Nothing is written unless `out` names a folder, where measurements are kept and found again.
     `quiet=False` shows a progress bar.
 
     Raises:
         UseError: as `run_tuning`, or an unknown option.
-        KeyboardInterrupt: after the best so far was written; without `out` it is lost.
+        KeyboardInterrupt: before there were settings to choose from; later the result holds the
+            best so far, its `outcome` tells, and a warning says so.
     """
-    known = [field.name for field in fields(TuneOptions)]
-    for name in options:
-        if name not in known:
-            raise unknown_name("option", name, known)
-    chosen = TuneOptions(scene=scene, quiet=quiet, **options)
+    chosen = given_options(TuneOptions, scene, {"quiet": quiet, **options})
     outputs = None if chosen.out is None else results_folder(chosen)
     with _bar(chosen, quiet) as bar:
         progress = StepBar(bar)
@@ -110,7 +110,8 @@ def tune(scene: str = "paper_room", *, quiet: bool = True, **options: Any) -> Tu
         progress("figures")
     if outputs is not None:
         write_tuning(result, report_of_tuning(result, chosen.seed), outputs)
-    _raise_if_interrupted(result, outputs)
+    if result.outcome is Outcome.INTERRUPTED:
+        _log.warning("%s", result.outcome.value)
     return result
 
 
@@ -128,13 +129,6 @@ def _found(options: TuneOptions, outputs: Outputs | None, progress: Progress) ->
     outputs.make()
     path = outputs.path
     return _kept(tuning, kept_measurements(path, options.fresh), path, progress)
-
-
-def _raise_if_interrupted(result: TuningResult, outputs: Outputs | None) -> None:
-    if result.outcome is Outcome.INTERRUPTED:
-        raise KeyboardInterrupt(
-            "" if outputs is None else f"the best settings so far are in {outputs}/; {GO_ON}"
-        )
 
 
 def _kept(tuning: "Tuning", ledger: Ledger, folder: Path, progress: Progress) -> TuningResult:

@@ -5,6 +5,7 @@ import logging
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 from tqdm import tqdm
@@ -17,7 +18,7 @@ from asmjax.experiment.walkthrough import FrameInput, FrameResult, Walkthrough
 from asmjax.folders import results_folder
 from asmjax.job_memory import Sight, held_besides, walk_stages
 from asmjax.memory import Forecast, Stage, check, limit_of
-from asmjax.options import RunOptions
+from asmjax.options import RunOptions, given_options
 from asmjax.planning import plan_effects
 from asmjax.preparation import (
     aimed,
@@ -92,9 +93,10 @@ def run_walkthrough(options: RunOptions) -> dict:
     raise problem
 
 
-def measure_walkthrough(options: RunOptions) -> dict:
-    """The report of `run_walkthrough`; writes nothing. Raises as the first problem does."""
-    walk = Walk(options)
+def measure_walkthrough(options: RunOptions | str = "paper_room", **changes: Any) -> dict:
+    """The report of `run_walkthrough` with the options, or `measure_walkthrough("terrain",
+    frames=8)`; writes nothing. Raises as the first problem does."""
+    walk = Walk(given_options(RunOptions, options, changes))
     record = WalkRecord(walk.setting)
     for result in walk.frames():
         record.add(result)

@@ -179,6 +179,20 @@ def test_an_interrupt_leaves_a_report_and_is_gone_on_from(tmp_path, monkeypatch,
 
 
 @pytest.mark.mitsuba
+def test_an_interrupt_in_python_gives_what_was_measured(monkeypatch, caplog):
+    """A notebook keeps its hour of trials; without any there is nothing to keep."""
+    few = {"size": (SIDE, SIDE), "methods": ("uniform",), "memory_mb": 0.0625, "samples": (1,)}
+    interrupted_after(monkeypatch, 2)
+    result = compare("letter_f", repeats=1, **few)
+    assert result.ended == "interrupted" and (len(result.trials), result.asked) == (2, 4)
+    assert "interrupted: 2 of 4 trials" in caplog.text
+    monkeypatch.undo()
+    interrupted_after(monkeypatch, 0)
+    with pytest.raises(KeyboardInterrupt, match="no trial was finished"):
+        compare("letter_f", repeats=1, **few)
+
+
+@pytest.mark.mitsuba
 def test_time_ends_it_and_a_broken_figure_loses_nothing(tmp_path, monkeypatch):
     """What time leaves out is said; numbers are on disk before a figure is drawn."""
     late = iter([False, True])

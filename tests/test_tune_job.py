@@ -224,6 +224,14 @@ def test_an_interrupted_search_still_writes_its_best(quick, tmp_path, monkeypatc
 
 
 @pytest.mark.mitsuba
+def test_an_interrupted_search_in_python_gives_its_best(quick, monkeypatch, caplog):
+    monkeypatch.setattr(quick, "outcome", Outcome.INTERRUPTED)
+    result = tune(**FEW)
+    assert result.outcome is Outcome.INTERRUPTED and result.algorithm.memory_bytes == 2**20
+    assert Outcome.INTERRUPTED.value in caplog.text
+
+
+@pytest.mark.mitsuba
 def test_a_turned_view_without_shadow_edges_is_turned_the_other_way(quick, monkeypatch):
     """Nobody named it, so it may not stop everything; a named one may."""
     before = tune_job.check_edges

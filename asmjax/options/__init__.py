@@ -19,6 +19,7 @@ from asmjax.options.commands import (
     TuneOptions,
     ViewJobOptions,
 )
+from asmjax.options.given import given_options
 from asmjax.options.groups import (
     MEGABYTE,
     MEMORY_MB,
@@ -95,4 +96,5 @@ __all__ = [
     "WalkOptions",
     "WorkerOptions",
     "force_of",
+    "given_options",
 ]

@@ -90,11 +90,17 @@ class Scene:
     def _light(self, wanted: str | int | None) -> SceneLight:
         return pick("light (emitter)", self.lights, wanted, self.name)
 
-    def eye(self, view: ViewSpec, offset: tuple[float, float] = (0.0, 0.0)) -> EyeBuffer:
-        """The eye's image of `view`, sampled `offset` pixels away from the pixel centres.
+    def eye(
+        self,
+        view: ViewSpec | str | int | None = None,
+        offset: tuple[float, float] = (0.0, 0.0),
+    ) -> EyeBuffer:
+        """The eye's image of a view, or of that of a name or index, sampled `offset` pixels away
+        from the pixel centres.
 
-        Raises `UseError` where the view sees nothing.
+        Raises `UseError` where there is no such view, or it sees nothing.
         """
+        view = view if isinstance(view, ViewSpec) else self.view(view)
         buffer = cast_eye(self._rays, self.geometry, view.camera(), offset)
         if not buffer.valid.any():
             raise UseError(

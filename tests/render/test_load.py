@@ -199,3 +199,14 @@ def test_raw_mesh_through_a_dictionary(name, triangles):
     lit = scene.shadow_rays(eye, frame, scene.light_rays()).trace()
     assert 0.02 < eye.valid.mean() < 0.8
     assert 0.4 < lit[eye.valid].mean() <= 1.0
+
+
+def test_an_eye_takes_a_view_its_name_its_index_or_nothing():
+    """As the light's frame and rays do."""
+    scene = load_scene("letter_f")
+    first, *_ = scene.views
+    seen = scene.eye(scene.view(first))
+    for wanted in (first, 0, "0", None):
+        assert np.array_equal(scene.eye(wanted).prim, seen.prim)
+    assert np.array_equal(scene.eye().depth, seen.depth)
+    assert "unknown view" in refusal(lambda: scene.eye("no view"))
