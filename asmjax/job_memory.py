@@ -95,7 +95,7 @@ class Sight:
     @property
     def options(self) -> tuple[str, ...]:
         """Smaller ones make it smaller."""
-        return ("--size", "--samples") if self.samples > 1 else ("--size",)
+        return ("size", "samples") if self.samples > 1 else ("size",)
 
     def __str__(self) -> str:
         each = f", {self.samples} samples each" if self.samples > 1 else ""
@@ -218,7 +218,7 @@ def _built(
             Stage(
                 f"building {algorithm.name}",
                 held + need.build + cast + sight.of(need.pixel),
-                ("--memory-mb", *sight.options),
+                ("memory_mb", *sight.options),
             ),
             Stage(
                 f"asking {algorithm.name} about {sight}",

@@ -6,7 +6,7 @@ another cannot have it. So a job's peak is, party by party, the most that any st
 three together. A device with memory of its own is counted as if it shared the host's.
 
     seen = 4096**2 * Memory(host=76, device=29)
-    check([Stage("casting the eye buffer", seen, ("--size",))], limit_of(max_memory_mb=2000))
+    check([Stage("casting the eye buffer", seen, ("size",))], limit_of(max_memory_mb=2000))
 """
 
 from collections.abc import Sequence
@@ -14,6 +14,7 @@ from dataclasses import astuple, dataclass, fields
 
 from asmjax import machine
 from asmjax.errors import UseError, require
+
 
 class MemoryShort(UseError):
     """A job would take more memory than it may."""
@@ -108,7 +109,7 @@ def limit_of(max_memory_mb: float | None = None) -> Limit:
     what it may still get; none where that cannot be told."""
     held = machine.process_bytes()
     if max_memory_mb is not None:
-        return Limit(int(max_memory_mb * MEGABYTE), held, "--max-memory")
+        return Limit(int(max_memory_mb * MEGABYTE), held, "`max_memory_mb`")
     free = machine.free_memory_bytes()
     if free is None:
         return Limit(None, held, "not known")
@@ -134,12 +135,12 @@ def check(stages: Sequence[Stage], limit: Limit) -> Forecast:
     largest = [(_greediest(stages, party), party) for party in PARTIES]
     largest.sort(key=lambda pair: -_need(*pair))
     named = [f"{_mb(_need(*pair))} MB of {pair[1]} memory for {pair[0].name}" for pair in largest]
-    options = dict.fromkeys(option for stage, _ in largest for option in stage.options)
+    options = dict.fromkeys(f"`{name}`" for stage, _ in largest for name in stage.options)
     smaller = f"lower {' or '.join(options)}, or raise" if options else "raise"
     raise MemoryShort(
         f"this would take about {_mb(peak.bytes)} MB ({'; '.join(named)}) besides the "
         f"{_mb(limit.held)} MB that the process holds; allowed are {_mb(limit.bytes)} MB in all "
-        f"({limit.reason}): {smaller} --max-memory."
+        f"({limit.reason}): {smaller} `max_memory_mb`."
     )
 
 

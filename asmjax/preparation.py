@@ -2,7 +2,6 @@
 
 import math
 import os
-import re
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -270,7 +269,8 @@ class ChosenMaps:
         except UseError as problem:
             if self.source is None:
                 raise
-            words = re.sub("--[a-z-]+", lambda word: word[0][2:].replace("-", "_"), str(problem))
+            # Without the marks by which the command line would name its options.
+            words = str(problem).replace("`", "")
             raise UseError(f"settings file '{self.source}': {words}") from problem
 
 

@@ -39,7 +39,7 @@ TEXELS = 4**7
     ],
 )
 def test_memory_below_one_node_is_refused_with_a_remedy(short):
-    with pytest.raises(UseError, match="raise --memory-mb") as problem:
+    with pytest.raises(UseError, match="raise `(memory_bytes|bytes_limit)`") as problem:
         short()
     assert "\n" not in str(problem.value)
 
@@ -147,7 +147,7 @@ def test_full_page_tables_are_told():
 
 def test_addresses_that_do_not_fit_32_bits_are_refused():
     """Texels are addressed as one int32: a pool or map beyond that would wrap in silence."""
-    with pytest.raises(UseError, match="--memory-mb"):
+    with pytest.raises(UseError, match="lower `memory_bytes`"):
         AdaptiveShadowMap(memory_bytes=2**36).tree_shape(1)
     case = analytic_case("a6_sphere", SIDE)
     with pytest.raises(UseError, match="32768"):
@@ -171,7 +171,7 @@ def test_a_light_that_reaches_nothing_in_view_casts_level_0_alone(look):
     starts, all is dark, and nothing is left to gain. The next view is refined as ever."""
     case = analytic_case("a4_disc_light", SIDE)
     eye = analytic_eye(case.shapes[:1], empty_views(case)[look])
-    with pytest.raises(UseError, match="choose another --light or --view"):
+    with pytest.raises(UseError, match="choose another `light` or `view`"):
         light_frame(case.light, eye, scene_bounds(case.shapes))
     algorithm = AdaptiveShadowMap(memory_bytes=TEXELS * 6, pixel_share=1, cost_model=FAST)
     rays = CountingRays(case.rays)

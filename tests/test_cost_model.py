@@ -168,7 +168,7 @@ def test_a_fit_without_steps_is_a_status_and_a_warning(monkeypatch, caplog):
         model = fit_cost_model(TEXELS, (3.3 * A * TEXELS + B) * [1, 2, 1, 3, 1, 0.5, 1])
     assert not model.converged
     assert model.seconds(TEXELS[0]) > 0
-    assert "did not settle in 2 steps" in caplog.text and "--recalibrate" in caplog.text
+    assert "did not settle in 2 steps" in caplog.text and "`recalibrate`" in caplog.text
 
 
 def test_a_fit_leaves_precision_and_types_as_they_are():

@@ -235,7 +235,7 @@ def test_random_bytes_are_refused_or_left_out(tmp_path):
 
 def test_a_folder_in_its_place_is_told_in_one_line(tmp_path):
     with pytest.raises(
-        UseError, match=r"cannot read the measurements in '.*'.*choose another --out"
+        UseError, match=r"cannot read the measurements in '.*'.*choose another `out`"
     ):
         Ledger(tmp_path)
 

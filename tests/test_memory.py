@@ -46,11 +46,11 @@ def test_memory_adds_and_scales():
 
 def test_refusal_tells_all_numbers_and_what_to_do():
     stages = [
-        Stage("the eye's image", Memory(host=3 * GB), ("--size",)),
-        Stage("building the map", Memory(device=2 * GB), ("--memory-mb", "--size")),
+        Stage("the eye's image", Memory(host=3 * GB), ("size",)),
+        Stage("building the map", Memory(device=2 * GB), ("memory_mb", "size")),
     ]
     with pytest.raises(UseError) as refused:
-        check(stages, Limit(4 * GB, GB, "--max-memory"))
+        check(stages, Limit(4 * GB, GB, "`max_memory_mb`"))
     said = str(refused.value)
     assert "\n" not in said
     for words in (
@@ -58,8 +58,8 @@ def test_refusal_tells_all_numbers_and_what_to_do():
         "3,072 MB of host memory for the eye's image",
         "2,048 MB of device memory for building the map",
         "besides the 1,024 MB that the process holds",
-        "allowed are 4,096 MB in all (--max-memory)",
-        "lower --size or --memory-mb, or raise --max-memory.",
+        "allowed are 4,096 MB in all (`max_memory_mb`)",
+        "lower `size` or `memory_mb`, or raise `max_memory_mb`.",
     ):
         assert words in said
 
@@ -222,7 +222,7 @@ def test_a_job_that_asks_for_more_takes_more(stages, more):
 def test_eye_buffers_of_all_samples_are_in_every_stage():
     for stage in run_stages(SIGHT, TWO, 1):
         assert stage.memory.bytes >= 640 * 480 * 4 * EYE.bytes
-        assert "--size" in stage.options and "--samples" in stage.options
+        assert "size" in stage.options and "samples" in stage.options
 
 
 @pytest.mark.mitsuba

@@ -370,11 +370,11 @@ def test_an_analysis_takes_the_file_in_its_familys_place(files):
 
 
 def test_a_limit_that_does_not_fit_is_told_in_the_words_of_its_source():
-    """A file has no --memory-mb to raise."""
+    """A file has no --memory-mb to raise, and no marks by which it would be named."""
     small = AdaptiveShadowMap(memory_bytes=1000)
-    with pytest.raises(UseError, match="raise --memory-mb or lower --node-resolution"):
+    with pytest.raises(UseError, match="raise `memory_bytes` or lower `node_resolution`"):
         ChosenMaps(small).check(1)
-    with pytest.raises(UseError, match="'a.toml': .*raise memory_mb or lower node_resolution"):
+    with pytest.raises(UseError, match="'a.toml': .*raise memory_bytes or lower node_resolution"):
         ChosenMaps(small, source="a.toml").check(1)
 
 

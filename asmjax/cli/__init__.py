@@ -11,6 +11,7 @@ import logging
 import os
 import sys
 
+from asmjax.cli.flags import FlagFormatter, in_flags
 from asmjax.errors import UseError
 from asmjax.interruption import interruption_waits
 
@@ -95,14 +96,16 @@ COMMANDS = {
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line `arguments` (without the program name) and return the exit code."""
     arguments = sys.argv[1:] if arguments is None else arguments
-    logging.basicConfig(format="%(name)s: %(levelname)s: %(message)s", level=logging.WARNING)
+    told = logging.StreamHandler()
+    told.setFormatter(FlagFormatter("%(name)s: %(levelname)s: %(message)s"))
+    logging.basicConfig(handlers=[told], level=logging.WARNING)
     try:
         with interruption_waits():
             action, options = prepared(arguments)
         action(options)
         sys.stdout.flush()
     except UseError as problem:
-        print(f"asmjax: error: {' '.join(str(problem).split())}", file=sys.stderr)
+        print(f"asmjax: error: {in_flags(' '.join(str(problem).split()))}", file=sys.stderr)
         return 2
     except KeyboardInterrupt as stop:
         # A command that could save something says what and where.

@@ -198,7 +198,7 @@ def cheapest(
     Raises:
         UseError: none keeps to them; says what the best is by each of them.
     """
-    require(len(items) > 0, "nothing was tried; give more --minutes, or other --methods.")
+    require(len(items) > 0, "nothing was tried; give more `minutes`, or other `methods`.")
     limits = [
         _Limit("error", error, lambda item: item.trial.edge_px, "{:.3g} px"),
         _Limit("time", seconds, lambda item: item.cost("seconds"), "{:.3g} s"),

@@ -86,7 +86,7 @@ class Ledger:
         except OSError as problem:
             raise LedgerError(
                 f"cannot write measurements to '{self.path}' ({problem.strerror}); choose another "
-                "--out."
+                "`out`."
             ) from problem
 
 
@@ -114,13 +114,13 @@ def _entries(path: Path) -> Iterator[tuple[str, dict]]:
         text = path.read_text(encoding="utf-8", errors="replace")
     except OSError as problem:
         raise UseError(
-            f"cannot read the measurements in '{path}' ({problem.strerror}); choose another --out."
+            f"cannot read the measurements in '{path}' ({problem.strerror}); choose another `out`."
         ) from problem
     lines = {number: line for number, line in enumerate(text.split("\n"), 1) if line.strip()}
     first = next(iter(lines.values()), "")
     require(
         first.startswith(_BEGINNING) or _BEGINNING.startswith(first),
-        f"'{path}' holds something else than measurements; move it away, or choose another --out.",
+        f"'{path}' holds something else than measurements; move it away, or choose another `out`.",
     )
     left_out = []
     for number, line in lines.items():

@@ -81,7 +81,7 @@ def families_of(wanted: Sequence[str]) -> list[str]:
     """
     for name in wanted:
         if name not in ALGORITHMS:
-            raise unknown_name("method", name, ALGORITHMS, "Name others with --methods.")
+            raise unknown_name("method", name, ALGORITHMS, "Name others with `methods`.")
     return list(dict.fromkeys(wanted or MAPS))
 
 

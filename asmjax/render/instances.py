@@ -44,7 +44,7 @@ def known_instances(mi, groups: list, group: list[int]) -> Instancing:
     if groups and mi.variant().startswith("cuda"):
         raise UseError(
             f"variant {mi.variant()} casts no rays at instances of shape groups here; choose "
-            "--variant llvm_ad_rgb or scalar_rgb, or write the instances out."
+            "`variant` llvm_ad_rgb or scalar_rgb, or write the instances out."
         )
     return Instancing(
         tuple(groups), tuple(tuple(parts_of(mi, g)) for g in groups), np.array(group, np.int64)

@@ -105,7 +105,7 @@ class Scene:
         if not buffer.valid.any():
             raise UseError(
                 f"view '{view.name}' of scene '{self.name}' sees no surface; choose another "
-                "--view or --sensor."
+                "`view` or `sensor`."
             )
         return buffer
 

@@ -46,12 +46,12 @@ class MovingShapes:
             require(
                 k not in lamps,
                 f"'{scene.shape_names[k]}' is a lamp, whose light would stay behind; choose "
-                "another --object, or --motion light.",
+                "another `object`, or `motion` light.",
             )
             require(
                 not is_instance(shapes[k]),
                 f"'{scene.shape_names[k]}' is an instance of a shape group, and those cannot be "
-                "moved; choose another --object, or write it out as a shape of its own.",
+                "moved; choose another `object`, or write it out as a shape of its own.",
             )
         self._rest = [_place(scene._mi, shape) for shape in self._movable]
         self._offset = np.zeros(3)
@@ -106,7 +106,7 @@ def _chosen(scene: Scene, wanted: str | None) -> list[int]:
         if not objects:
             raise UseError(
                 f"scene '{scene.name}' has no shape of its own that could move: every one is "
-                "larger than half the scene; name one with --object."
+                "larger than half the scene; name one with `object`."
             )
         return [max(objects, key=lambda k: shapes[k].primitive_count())]
     if wanted in names:
@@ -141,7 +141,7 @@ def _place(mi, shape) -> np.ndarray:
         return np.array(params[_VERTICES], np.float64).reshape(-1, 3)
     if "to_world" not in params:
         raise UseError(
-            f"a shape of type {shape.class_name()} cannot be moved; choose another --object."
+            f"a shape of type {shape.class_name()} cannot be moved; choose another `object`."
         )
     return np.array(params["to_world"].matrix, np.float64).reshape(4, 4)
 

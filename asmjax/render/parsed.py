@@ -104,7 +104,7 @@ class ParsedScene:
         if read != expected:
             raise UseError(
                 f"{self._what} includes {len(read - expected)} files that were not checked; write "
-                "them out, or give --trust-scene if you trust the scene."
+                "them out, or give `trust=True` if you trust the scene."
             )
 
     @property

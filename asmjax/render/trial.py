@@ -95,7 +95,7 @@ def load(mi, path: Path) -> None:
         raise
     except MemoryError as problem:
         raise UseError(
-            "needs too much memory to load; make it smaller, or raise --max-memory."
+            "needs too much memory to load; make it smaller, or raise `max_memory_mb`."
         ) from problem
     except Exception as problem:
         raise UseError(

@@ -15,7 +15,7 @@ SHADOWING = ("plugins", "data/ior", "data/sunsky", "data/srgb.coeff")
 LONGEST_SHOWN = 60
 """Characters of a text of unknown length in a message."""
 
-TRUST = "or give --trust-scene if you trust the scene"
+TRUST = "or give `trust=True` if you trust the scene"
 """A remedy where an honest scene may be refused too."""
 
 

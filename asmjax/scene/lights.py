@@ -131,7 +131,7 @@ def _receivers(light: LightSpec, eye: Eyes) -> np.ndarray:
     if receivers.shape[1] == 0:
         raise UseError(
             f"light '{light.name}' shines on no surface that this view sees; choose another "
-            "--light or --view."
+            "`light` or `view`."
         )
     return receivers
 

@@ -202,7 +202,7 @@ class ViewSpec:
             require(
                 1 <= side <= MAX_SIDE,
                 f"size {self.width} x {self.height} is not possible; allowed is 1 to {MAX_SIDE} "
-                "pixels a side: choose another --size.",
+                "pixels a side: choose another `size`.",
             )
 
     def resized(self, width: int, height: int) -> "ViewSpec":

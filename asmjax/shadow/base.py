@@ -29,10 +29,12 @@ class Status(enum.Enum):
 
     COMPLETE = "complete"
     FOLLOWED = "followed with part of the pixels: update again, or once more when the view rests"
-    MEMORY_LIMIT = "the memory limit ended refinement: raise --memory-mb, or accept coarser shadows"
-    TIME_LIMIT = "the time limit ended refinement: raise --time-limit-ms, or call update again"
+    MEMORY_LIMIT = (
+        "the memory limit ended refinement: raise `memory_bytes`, or accept coarser shadows"
+    )
+    TIME_LIMIT = "the time limit ended refinement: raise `time_limit`, or call update again"
     NODE_CAPACITY = (
-        "the node table is full before the memory is: use larger nodes (--node-resolution)"
+        "the node table is full before the memory is: use larger nodes (`node_resolution`)"
     )
     PASS_LIMIT = (
         "refinement did not settle within its passes: raise max_passes of AdaptiveShadowMap"

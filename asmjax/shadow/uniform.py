@@ -96,8 +96,8 @@ class UniformShadowMap(ShadowAlgorithm[UniformState]):
         require(
             frame.faces * self.resolution**2 < 2**31,
             f"a flat map of {self.resolution} texels a side for each of {frame.faces} light faces "
-            "is not possible; allowed are 2^31 texels in all: lower --memory-mb or the resolution "
-            "(32768 for one face).",
+            "is not possible; allowed are 2^31 texels in all: lower the resolution (32768 "
+            "for one face), or `memory_mb` where it follows from that.",
         )
         start = time.perf_counter()
         windows = whole_image(frame, self.resolution)
@@ -180,11 +180,11 @@ class UniformShadowMap(ShadowAlgorithm[UniformState]):
 def resolution_for(bytes_limit: int, faces: int, compare: Compare = "depth") -> int:
     """The largest flat map per face whose arrays fit into `bytes_limit` bytes in all."""
     side = int(np.sqrt(bytes_limit / (texel_bytes(compare) * faces)))
-    require(side >= 1, f"{bytes_limit} bytes hold no flat map; raise --memory-mb.")
+    require(side >= 1, f"{bytes_limit} bytes hold no flat map; raise `bytes_limit`.")
     require(
         side <= LARGEST,
         f"a flat map of {bytes_limit / 2**20:g} MB would have {side} texels a side; allowed: "
-        f"{LARGEST}: lower --memory-mb.",
+        f"{LARGEST}: lower `bytes_limit`.",
     )
     return side
 

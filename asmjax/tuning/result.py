@@ -21,10 +21,10 @@ class Outcome(Enum):
     FOUND = "the tuned settings are the best that were measured"
     DEFAULT_STANDS = "no settings were better than the default: keep it, or change the price"
     NOT_MET = "no settings met the limit: see the nearest ones, and loosen the limit"
-    TIME_SPENT = "the time given was spent: the best so far; give more --minutes, or run it again"
+    TIME_SPENT = "the time given was spent: the best so far; give more `minutes`, or run it again"
     UNSETTLED = (
         "the surrogate's fit or search did not come to rest: the settings are measured all the "
-        "same; give more --evaluations"
+        "same; give more `evaluations`"
     )
     INTERRUPTED = (
         "interrupted: the best so far, by one measurement on the views tuned on, was not measured "

@@ -261,9 +261,9 @@ def test_loading_keeps_to_the_limit_of_memory(folder):
     assert 2**20 < took < 2**28
     assert admit(path).bytes == took
     held = process_bytes()
-    load_scene(path, limit=Limit(held + took + 2**20, held, "--max-memory"))
-    message = refusal(lambda: load_scene(path, limit=Limit(held + took // 2, held, "--max-memory")))
-    assert "renderer memory for scene 'scene.xml'" in message and "raise --max-memory" in message
+    load_scene(path, limit=Limit(held + took + 2**20, held, "the test"))
+    message = refusal(lambda: load_scene(path, limit=Limit(held + took // 2, held, "the test")))
+    assert "renderer memory for scene 'scene.xml'" in message and "raise `max_memory_mb`" in message
     (folder / "a.png").write_bytes(png(8000))
     texture = '<texture type="bitmap" name="reflectance"><string name="filename" value="a.png"/>'
     path = parts_scene(folder, f'<bsdf type="diffuse">{texture}</texture></bsdf>', BALL)

@@ -366,14 +366,14 @@ def test_cuda_refuses_instances():
     """Variants that were never tried with instances say so instead of giving wrong ids."""
     mi = types.SimpleNamespace(variant=lambda: "cuda_ad_rgb")
     assert not known_instances(mi, [], [-1, -1])
-    with pytest.raises(UseError, match="cuda_ad_rgb.*choose --variant llvm_ad_rgb"):
+    with pytest.raises(UseError, match="cuda_ad_rgb.*choose `variant` llvm_ad_rgb"):
         known_instances(mi, [object()], [0])
 
 
 def test_moving_beside_instances():
     """Instances stay where they are; what moves beside them moves, and shades them."""
     scene = load_scene(scene_of(EXACT))
-    with pytest.raises(UseError, match="'arrow_1' is an instance.*another --object"):
+    with pytest.raises(UseError, match="'arrow_1' is an instance.*another `object`"):
         MovingShapes(scene, "arrow_1")
     mover = MovingShapes(scene, "ball")
     eye = scene.eye(scene.view().resized(*SIZE))

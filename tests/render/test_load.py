@@ -68,7 +68,7 @@ BAD_FILES = {
     "sees nothing": (
         scene_xml(LAMP, '<shape type="sphere"><point name="center" x="0" y="0" z="-9"/></shape>',
                   EYE),
-        "sees no surface; choose another --view or --sensor",
+        "sees no surface; choose another `view` or `sensor`",
     ),
     "camera not finite": (
         scene_xml(LAMP, BALL, '<sensor type="perspective"><transform name="to_world">'
@@ -138,7 +138,7 @@ def test_bad_size(size):
     """Sizes outside 1 to 16,384 are refused before anything is cast; the borders are not."""
     view = loaded("letter_f").view()
     message = refusal(lambda: view.resized(*size))
-    assert f"{size[0]} x {size[1]}" in message and "1 to 16384" in message and "--size" in message
+    assert f"{size[0]} x {size[1]}" in message and "1 to 16384" in message and "`size`" in message
     assert view.resized(1, MAX_SIDE).height == MAX_SIDE
 
 

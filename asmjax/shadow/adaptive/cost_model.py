@@ -103,7 +103,7 @@ def fit_cost_model(texels: np.ndarray, seconds: np.ndarray) -> CostModel:
         _log.warning(
             "the cost model did not settle in %d steps and misses its timings by %.0f %%: node "
             "costs, and so time limits, are a guess. Calibrate again on a quieter machine "
-            "(--recalibrate).",
+            "(`recalibrate`).",
             MAX_STEPS,
             100 * model.residual,
         )

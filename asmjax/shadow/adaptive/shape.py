@@ -145,14 +145,14 @@ def shape_for(
         f"a memory limit of {memory_bytes / 2**20:g} MB is below one node of "
         f"{node_resolution} x {node_resolution} texels for each of {faces} light "
         f"face(s); allowed is {(fixed + faces * (per_page + ENTRY_BYTES)) / 2**20:.3g} MB or more: "
-        "raise --memory-mb or lower --node-resolution.",
+        "raise `memory_bytes` or lower `node_resolution`.",
     )
     # Texels are addressed by one int32 each: page * side^2 + local.
     require(
         (pages + 1) * side**2 < 2**31,
         f"a memory limit of {memory_bytes / 2**20:g} MB holds more texels than can be addressed; "
         f"allowed are 2^31, which {node_resolution} x {node_resolution} nodes reach with "
-        f"{(2**31 // side**2) * page_bytes / 2**20:.0f} MB of texels: lower --memory-mb.",
+        f"{(2**31 // side**2) * page_bytes / 2**20:.0f} MB of texels: lower `memory_bytes`.",
     )
     if start_resolution is None:
         log2_roots = max(START_LOG2 - log2_node, 0)
@@ -167,7 +167,7 @@ def shape_for(
     require(
         faces << 2 * log2_roots <= pages,
         f"a starting resolution of {start_resolution} needs {faces << 2 * log2_roots} nodes, but "
-        f"{memory_bytes / 2**20:g} MB hold {max(pages, 0)}: raise --memory-mb or lower the "
+        f"{memory_bytes / 2**20:g} MB hold {max(pages, 0)}: raise `memory_bytes` or lower the "
         "starting resolution.",
     )
     return TreeShape(

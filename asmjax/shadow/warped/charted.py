@@ -112,7 +112,7 @@ class ChartedShadowMap(ShadowAlgorithm[ChartedState]):
         require(
             texels < 2**31,
             f"{self.name} for each of {frame.faces} light faces is not possible; allowed are 2^31 "
-            "texels in all: lower --memory-mb or the resolution.",
+            "texels in all: lower the resolution, or `memory_mb` where it follows from that.",
         )
         start = time.perf_counter()
         chosen = self.charts(view, frame) or [Chart(face, np.eye(3)) for face in range(frame.faces)]
