@@ -91,7 +91,7 @@ def test_a_dataset_of_trials_or_on_a_grid(swept):
 
 def test_netcdf_comes_back(swept, tmp_path):
     xarray = extra("xarray")
-    for module in ("h5netcdf", "h5py", "pyarrow"):
+    for module in ("h5netcdf", "h5py"):
         extra(module)
     found = results(swept)
     found.to_netcdf(tmp_path / "all.nc")
