@@ -1,6 +1,7 @@
 """Tuned maps: the closed-form optimum, what a tuned map gains, and what it never loses."""
 
 import functools
+from dataclasses import replace
 
 import jax
 import jax.numpy as jnp
@@ -14,7 +15,7 @@ from asmjax.experiment.aliasing import aliasing_maps
 from asmjax.experiment.traces import counted_traces
 from asmjax.scene.analytic_scenes import ANALYTIC_SCENES
 from asmjax.scene.spec import LightSpec, ViewSpec
-from asmjax.shadow import LightSpaceShadowMap, PartitionedShadowMap, TunedShadowMap
+from asmjax.shadow import LightSpaceShadowMap, PartitionedShadowMap, Status, TunedShadowMap
 from asmjax.shadow.warped.predicted import Layout, log2_errors, log2_p_mean
 from asmjax.shadow.warped.sampled import sampled_receivers
 from asmjax.shadow.warped.tune import Rest, free, layout_of, minimised
@@ -151,6 +152,27 @@ def test_a_view_without_receivers_or_with_one_depth():
     assert np.isfinite(np.asarray(algorithm.visibility(state, case.eye.points))).all()
     density = np.asarray(algorithm.density(state, case.eye.points), np.float64)
     assert (np.abs(np.linalg.det(np.moveaxis(density, -1, 0)))[case.eye.valid] > 0).all()
+
+
+@pytest.mark.parametrize(
+    ("rest", "improved", "status"),
+    [
+        (Rest.SETTLED, True, Status.COMPLETE),
+        (Rest.SETTLED, False, Status.COMPLETE),
+        (Rest.STEPS_SPENT, True, Status.UNSETTLED),
+        (Rest.STEPS_SPENT, False, Status.FALLBACK),
+        (Rest.NOT_FINITE, False, Status.FALLBACK),
+    ],
+)
+def test_a_search_without_rest_is_told_by_the_map(rest, improved, status, monkeypatch):
+    """In the status, which reports and notices have; not in `tuning` alone."""
+    case = along_a_plane(48)
+    algorithm = TunedShadowMap(resolution=64, partitions=1, warp="none")
+    found = replace(algorithm.tuning(case.eye, case.frame), rest=rest, improved=improved)
+    monkeypatch.setattr(TunedShadowMap, "tuning", lambda self, view, frame: found)
+    state = algorithm.build(case.eye, case.frame, case.rays)
+    assert algorithm.status(state) is status
+    assert status.is_limit == (rest is not Rest.SETTLED)
 
 
 def test_tuning_again_is_the_same_and_traces_nothing():

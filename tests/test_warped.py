@@ -21,6 +21,7 @@ from asmjax.shadow import (
     LogarithmicShadowMap,
     PartitionedShadowMap,
     PerspectiveShadowMap,
+    Status,
     SubdividedShadowMap,
     TrapezoidalShadowMap,
 )
@@ -117,6 +118,7 @@ def test_frustum_regions_cover_without_overlap():
         body = bodies(case.eye, case.frame)[0]
         for parts in (1, 3):
             regions = frustum_regions(case.eye, case.frame, body, parts)
+            assert regions is not None
             held = np.sum([region.holds(body.plane) for region in regions], axis=0)
             # Neighbours share their border.
             assert np.mean(held > 1) < 0.02, toward
@@ -177,6 +179,21 @@ def test_charts_of_several_faces():
     for family in FAMILIES:
         faces = {chart.face for chart in family(64).charts(case.eye, case.frame)}
         assert faces == {0, 1, 2}
+
+
+def test_faces_that_cannot_be_subdivided_are_told():
+    """Behind a lamp's plane corners of the frustum have no image; parallel light has no such
+    plane, and without parts nothing is asked for."""
+    lamp, sun = analytic_case("a6_sphere", 48), along_a_plane(48)
+    for case, parts, expected in (
+        (lamp, 2, Status.FALLBACK),
+        (lamp, 0, Status.COMPLETE),
+        (sun, 2, Status.COMPLETE),
+    ):
+        algorithm = SubdividedShadowMap(64, parts=parts)
+        state = algorithm.build(case.eye, case.frame, case.rays)
+        assert algorithm.status(state) is expected
+    assert Status.FALLBACK.is_limit
 
 
 def test_predicted_jacobian_is_texels_per_pixel():

@@ -44,10 +44,18 @@ class Status(enum.Enum):
         "rays to the light leave the map, and casters beyond it are taken for those at its border: "
         "trust wide penumbrae less, or accumulate hard shadows from samples of the light"
     )
+    UNSETTLED = (
+        "the search for the charts did not come to rest: they are the best so far; fewer "
+        "partitions settle sooner"
+    )
+    FALLBACK = (
+        "the charts that the settings ask for cannot be had for this view, and plainer ones stand "
+        "in: those in closed form, or one for each face of a lamp"
+    )
 
     @property
     def is_limit(self) -> bool:
-        """Whether a limit ended refinement, or is where answers are less than they could be."""
+        """Whether a limit ended refinement, or answers are less than they could be."""
         return self not in (Status.COMPLETE, Status.FOLLOWED)
 
 

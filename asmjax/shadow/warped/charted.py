@@ -56,6 +56,13 @@ class Drawn(NamedTuple):
     forward: np.ndarray
 
 
+class Chosen(NamedTuple):
+    """The charts for a view, and whether they are what the settings ask for."""
+
+    charts: list[Chart]
+    status: Status = Status.COMPLETE
+
+
 class ChartedState(eqx.Module):
     """A map of charts.
 
@@ -64,6 +71,7 @@ class ChartedState(eqx.Module):
         used: texels that charts cover.
         finest: texels per side of the flat map with the finest texels throughout.
         build, analysis: seconds.
+        status: of the choice of charts.
     """
 
     drawn: Drawn
@@ -72,6 +80,7 @@ class ChartedState(eqx.Module):
     finest: int
     build: float
     analysis: float
+    status: Status = eqx.field(static=True, default=Status.COMPLETE)
 
 
 class ChartedShadowMap(ShadowAlgorithm[ChartedState]):
@@ -94,9 +103,13 @@ class ChartedShadowMap(ShadowAlgorithm[ChartedState]):
         check_test(self.compare, self.bias)
 
     @abc.abstractmethod
-    def charts(self, view: EyeBuffer, frame: LightFrame) -> list[Chart]:
+    def chosen(self, view: EyeBuffer, frame: LightFrame) -> Chosen:
         """The charts for a view, every visible receiver in one at least; the first one counts.
         None where the light reaches nothing that is seen: the map is flat then."""
+
+    def charts(self, view: EyeBuffer, frame: LightFrame) -> list[Chart]:
+        """The charts of `chosen` alone."""
+        return self.chosen(view, frame).charts
 
     @abc.abstractmethod
     def most_charts(self, faces: int) -> int:
@@ -115,7 +128,8 @@ class ChartedShadowMap(ShadowAlgorithm[ChartedState]):
             "texels in all: lower the resolution, or `memory_mb` where it follows from that.",
         )
         start = time.perf_counter()
-        chosen = self.charts(view, frame) or [Chart(face, np.eye(3)) for face in range(frame.faces)]
+        chosen, status = self.chosen(view, frame)
+        chosen = chosen or [Chart(face, np.eye(3)) for face in range(frame.faces)]
         # Faces that light nothing that is seen get no chart, and leave their texels to nobody.
         lit = len({chart.face for chart in chosen})
         charts = laid_out(chosen, lit * self.resolution**2)
@@ -133,7 +147,7 @@ class ChartedShadowMap(ShadowAlgorithm[ChartedState]):
         jax.block_until_ready((depth, prim))
         drawn = Drawn(frame, table, depth, prim, view.camera.rotation[2])
         seconds = time.perf_counter() - fitted, fitted - start
-        return ChartedState(drawn, view.camera.origin, used, finest, *seconds)
+        return ChartedState(drawn, view.camera.origin, used, finest, *seconds, status)
 
     def update(self, state, view, frame, rays, moved=None) -> ChartedState:
         """Drawn anew: a warp follows the eye, so nothing of the last frame is in its place."""
@@ -185,7 +199,7 @@ class ChartedShadowMap(ShadowAlgorithm[ChartedState]):
         return MapMemory(state, texels * Memory(8, 8, 8))
 
     def status(self, state: ChartedState) -> Status:
-        return Status.COMPLETE
+        return state.status
 
     def effective_resolution(self, state: ChartedState) -> int:
         return state.finest

@@ -50,16 +50,20 @@ class Region:
         return tuple(tuple(line) for line in lines.tolist())
 
 
-def frustum_regions(view: EyeBuffer, frame: LightFrame, body: Body, parts: int) -> list[Region]:
+def frustum_regions(
+    view: EyeBuffer, frame: LightFrame, body: Body, parts: int
+) -> list[Region] | None:
     """The side faces on the near plane's side, each in `parts` parts along its length, logarithmic.
 
     Together with the near face they cover what is seen, without overlap; the near face has no
-    region: it is what is left. None where a corner of the frustum has no image in the light's face,
-    or the light stands so that no side is seen.
+    region: it is what is left. Empty where the light stands so that no side is seen, or all that is
+    seen has one depth; None where a corner of the frustum has no image in the light's face.
     """
     near, far = float(body.eye_depth.min()), float(body.eye_depth.max())
     image = _in_plane(frame, body.face, _corners(view, near, far))
-    if image is None or far <= near * (1 + 1e-9):
+    if image is None:
+        return None
+    if far <= near * (1 + 1e-9):
         return []
     size = float(frame.extent[body.face].max())
     near_area = _area(image[0])

@@ -5,10 +5,10 @@ from typing import ClassVar, Literal, get_args
 
 from asmjax.buffers import EyeBuffer
 from asmjax.errors import check_choice
-from asmjax.geometry import Chart, LightFrame
+from asmjax.geometry import LightFrame
 from asmjax.shadow.comparison import BIAS, Compare
 from asmjax.shadow.warped.body import bodies
-from asmjax.shadow.warped.charted import ChartedShadowMap
+from asmjax.shadow.warped.charted import ChartedShadowMap, Chosen
 from asmjax.shadow.warped.fit import perspective
 from asmjax.shadow.warped.strength import half_view, light_space_n
 
@@ -49,9 +49,9 @@ class LightSpaceShadowMap(ChartedShadowMap):
     def most_charts(self, faces: int) -> int:
         return faces
 
-    def charts(self, view: EyeBuffer, frame: LightFrame) -> list[Chart]:
+    def chosen(self, view: EyeBuffer, frame: LightFrame) -> Chosen:
         half = half_view(view)
-        return [
+        return Chosen([
             perspective(frame, body, light_space_n(body, half, self.falloff))
             for body in bodies(view, frame)
-        ]
+        ])  # fmt: skip

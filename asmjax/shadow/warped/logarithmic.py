@@ -7,10 +7,10 @@ import numpy as np
 
 from asmjax.buffers import EyeBuffer
 from asmjax.errors import check_choice, require
-from asmjax.geometry import Chart, LightFrame
+from asmjax.geometry import LightFrame
 from asmjax.shadow.comparison import BIAS, Compare
 from asmjax.shadow.warped.body import bodies
-from asmjax.shadow.warped.charted import ChartedShadowMap
+from asmjax.shadow.warped.charted import ChartedShadowMap, Chosen
 from asmjax.shadow.warped.fit import perspective, rectangle
 
 Across = Literal["perspective", "uniform"]
@@ -51,7 +51,7 @@ class LogarithmicShadowMap(ChartedShadowMap):
     def most_charts(self, faces: int) -> int:
         return faces
 
-    def charts(self, view: EyeBuffer, frame: LightFrame) -> list[Chart]:
+    def chosen(self, view: EyeBuffer, frame: LightFrame) -> Chosen:
         charts = []
         for body in bodies(view, frame):
             length = float(np.ptp(body.turned[1]))
@@ -61,4 +61,4 @@ class LogarithmicShadowMap(ChartedShadowMap):
                 charts.append(perspective(frame, body, near, logarithmic=True))
             else:
                 charts.append(rectangle(frame, body, log=length / near))
-        return charts
+        return Chosen(charts)

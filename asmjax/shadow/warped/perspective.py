@@ -5,10 +5,10 @@ from typing import ClassVar
 
 from asmjax.buffers import EyeBuffer
 from asmjax.errors import require
-from asmjax.geometry import Chart, LightFrame
+from asmjax.geometry import LightFrame
 from asmjax.shadow.comparison import BIAS, Compare
 from asmjax.shadow.warped.body import bodies
-from asmjax.shadow.warped.charted import ChartedShadowMap
+from asmjax.shadow.warped.charted import ChartedShadowMap, Chosen
 from asmjax.shadow.warped.fit import perspective
 
 
@@ -44,9 +44,9 @@ class PerspectiveShadowMap(ChartedShadowMap):
     def most_charts(self, faces: int) -> int:
         return faces
 
-    def charts(self, view: EyeBuffer, frame: LightFrame) -> list[Chart]:
+    def chosen(self, view: EyeBuffer, frame: LightFrame) -> Chosen:
         charts = []
         for body in bodies(view, frame):
             slide = self.slide / body.pace if body.pace > 0 else 0.0
             charts.append(perspective(frame, body, body.near + slide))
-        return charts
+        return Chosen(charts)

@@ -14,11 +14,12 @@ import numpy as np
 from asmjax.buffers import EyeBuffer
 from asmjax.errors import require
 from asmjax.geometry import Chart, LightFrame
+from asmjax.shadow.base import Status
 from asmjax.shadow.comparison import BIAS, Compare
 from asmjax.shadow.warped.body import Body, affine, bodies
-from asmjax.shadow.warped.charted import ChartedShadowMap
+from asmjax.shadow.warped.charted import ChartedShadowMap, Chosen
 from asmjax.shadow.warped.fit import errors_of, perspective, rectangle, whole_face
-from asmjax.shadow.warped.frustum import SIDES, frustum_regions
+from asmjax.shadow.warped.frustum import SIDES, Region, frustum_regions
 from asmjax.shadow.warped.strength import n_of_strength
 
 MOST_PARTS = 8
@@ -35,7 +36,7 @@ class SubdividedShadowMap(ChartedShadowMap):
         compare, bias: the shadow test; see `asmjax.shadow.comparison`.
 
     Where a corner of the frustum lies behind a lamp's plane, the faces have no image there, and the
-    face of the light gets one chart (as many cube faces have).
+    face of the light gets one chart (as many cube faces have), and the status is `FALLBACK`.
     """
 
     resolution: int = 2048
@@ -66,15 +67,22 @@ class SubdividedShadowMap(ChartedShadowMap):
     def most_charts(self, faces: int) -> int:
         return faces * (SIDES * self.parts + 2)
 
-    def charts(self, view: EyeBuffer, frame: LightFrame) -> list[Chart]:
-        return [chart for body in bodies(view, frame) for chart in self._of_face(view, frame, body)]
-
-    def _of_face(self, view: EyeBuffer, frame: LightFrame, body: Body) -> list[Chart]:
-        """The charts of one face of the light; the last one holds what no other does."""
+    def chosen(self, view: EyeBuffer, frame: LightFrame) -> Chosen:
+        found = bodies(view, frame)
         if self.parts == 0:
-            return [whole_face(body)]
+            return Chosen([whole_face(body) for body in found])
+        charts, status = [], Status.COMPLETE
+        for body in found:
+            regions = frustum_regions(view, frame, body, self.parts)
+            if regions is None:
+                regions, status = [], Status.FALLBACK
+            charts += self._of_face(frame, body, regions)
+        return Chosen(charts, status)
+
+    def _of_face(self, frame: LightFrame, body: Body, regions: list[Region]) -> list[Chart]:
+        """The charts of one face of the light; the last one holds what no other does."""
         charts, left = [], body
-        for region in frustum_regions(view, frame, body, self.parts):
+        for region in regions:
             inside = region.holds(left.plane)
             if not inside.any():
                 continue

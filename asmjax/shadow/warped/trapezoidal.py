@@ -7,10 +7,10 @@ import numpy as np
 
 from asmjax.buffers import EyeBuffer
 from asmjax.errors import require
-from asmjax.geometry import Chart, LightFrame
+from asmjax.geometry import LightFrame
 from asmjax.shadow.comparison import BIAS, Compare
 from asmjax.shadow.warped.body import Body, bodies
-from asmjax.shadow.warped.charted import ChartedShadowMap
+from asmjax.shadow.warped.charted import ChartedShadowMap, Chosen
 from asmjax.shadow.warped.fit import perspective
 
 
@@ -48,8 +48,8 @@ class TrapezoidalShadowMap(ChartedShadowMap):
     def most_charts(self, faces: int) -> int:
         return faces
 
-    def charts(self, view: EyeBuffer, frame: LightFrame) -> list[Chart]:
-        return [perspective(frame, body, self._n(body)) for body in bodies(view, frame)]
+    def chosen(self, view: EyeBuffer, frame: LightFrame) -> Chosen:
+        return Chosen([perspective(frame, body, self._n(body)) for body in bodies(view, frame)])
 
     def _n(self, body: Body) -> float:
         if body.pace == 0:

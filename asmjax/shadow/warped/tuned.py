@@ -11,9 +11,10 @@ import numpy as np
 from asmjax.buffers import EyeBuffer
 from asmjax.errors import check_choice, require
 from asmjax.geometry import Chart, LightFrame, laid_out
+from asmjax.shadow.base import Status
 from asmjax.shadow.comparison import BIAS, Compare
 from asmjax.shadow.warped.body import Body, bodies
-from asmjax.shadow.warped.charted import ChartedShadowMap
+from asmjax.shadow.warped.charted import ChartedShadowMap, Chosen
 from asmjax.shadow.warped.fit import perspective, rectangle
 from asmjax.shadow.warped.light_space import LightSpaceShadowMap
 from asmjax.shadow.warped.predicted import Layout
@@ -58,6 +59,13 @@ class Tuning:
     tuned: float
     rest: Rest
     seconds: float
+
+    @property
+    def status(self) -> Status:
+        """A search that came to rest is complete, whichever of the two was better."""
+        if self.rest is Rest.SETTLED:
+            return Status.COMPLETE
+        return Status.UNSETTLED if self.improved else Status.FALLBACK
 
 
 class TunedShadowMap(ChartedShadowMap):
@@ -111,8 +119,9 @@ class TunedShadowMap(ChartedShadowMap):
     def most_charts(self, faces: int) -> int:
         return self.partitions * faces
 
-    def charts(self, view: EyeBuffer, frame: LightFrame) -> list[Chart]:
-        return self.tuning(view, frame).charts
+    def chosen(self, view: EyeBuffer, frame: LightFrame) -> Chosen:
+        found = self.tuning(view, frame)
+        return Chosen(found.charts, found.status)
 
     def tuning(self, view: EyeBuffer, frame: LightFrame) -> Tuning:
         """The charts for a view, and how they were found."""

@@ -10,7 +10,7 @@ from asmjax.errors import check_choice, require
 from asmjax.geometry import Chart, LightFrame
 from asmjax.shadow.comparison import BIAS, Compare
 from asmjax.shadow.warped.body import Body, bodies
-from asmjax.shadow.warped.charted import ChartedShadowMap
+from asmjax.shadow.warped.charted import ChartedShadowMap, Chosen
 from asmjax.shadow.warped.fit import perspective, rectangle, whole_face
 from asmjax.shadow.warped.strength import half_view, light_space_n
 from asmjax.theory.subdivision import blended_splits
@@ -88,10 +88,10 @@ class PartitionedShadowMap(ChartedShadowMap):
     def most_charts(self, faces: int) -> int:
         return self.partitions * faces
 
-    def charts(self, view: EyeBuffer, frame: LightFrame) -> list[Chart]:
+    def chosen(self, view: EyeBuffer, frame: LightFrame) -> Chosen:
         found = bodies(view, frame)
         if not found:
-            return []
+            return Chosen([])
         near, far = depth_range(found, self.near, self.far)
         # Slabs that float32 depths do not tell apart would only share out the texels.
         count = 1 if far - near < THINNEST * far * self.partitions else self.partitions
@@ -107,7 +107,7 @@ class PartitionedShadowMap(ChartedShadowMap):
                     chart = self._chart(frame, body.part(which), bool(which.all()), half)
                     slabs.append((float(least), chart))
             charts += joined(slabs)
-        return charts
+        return Chosen(charts)
 
     def _chart(self, frame: LightFrame, part: Body, whole: bool, half_view: float) -> Chart:
         if self.warp != "none":
