@@ -32,7 +32,7 @@ AXIS = np.array([0.3, -0.5, -0.8])
 
 def visibility(shapes, frame, points, resolution, compare: Compare = "depth"):
     """What a flat map of analytic shapes says about points, and the points in its image."""
-    algorithm = UniformShadowMap(resolution, compare)
+    algorithm = UniformShadowMap(resolution, compare=compare)
     # A flat map asks nothing of the view.
     eye = analytic_case("a4_disc_light", 8).eye
     state = algorithm.build(eye, frame, AnalyticRays(shapes))
@@ -222,8 +222,8 @@ def test_measured_displacement_is_the_predicted_one(seed):
     frame = type(frame)(
         **{k: getattr(frame, k) for k in ("origin", "rotation", "corner", "cone_axis")},
         extent=frame.extent * [[1.0, stretch]],
-        cos_cutoff=-1.0,
-        near=0.0,
+        cos_cutoff=np.asarray(-1.0),
+        near=np.asarray(0.0),
         perspective=False,
     )
     # Texel edges a, b on z = 0: where the light's ray through one texel on moves to.
