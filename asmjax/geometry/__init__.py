@@ -34,6 +34,8 @@ from asmjax.geometry.charts import (
     plane_to_image,
 )
 from asmjax.geometry.light_frame import (
+    ANY_LAMP,
+    NO_LAMP,
     LightFrame,
     fitted_directional_frame,
     fitted_point_frame,
@@ -43,6 +45,8 @@ from asmjax.geometry.light_frame import (
 )
 
 __all__ = [
+    "ANY_LAMP",
+    "NO_LAMP",
     "SUN_DEG",
     "AreaLight",
     "AreaShape",

@@ -20,6 +20,13 @@ MARGIN = 1e-4
 NARROWEST = 1e-5
 """Fitted rectangles are at least this part of the scene wide, of the unit on perspective faces."""
 
+NO_LAMP, ANY_LAMP = -1, -2
+"""As the lamp of a frame: its light has none, or nobody said whether it has."""
+
+
+def _shape_number(number: int | np.ndarray) -> np.ndarray:
+    return np.asarray(number, np.int32)
+
 
 class LightFrame(eqx.Module):
     """One light's image planes ("faces"): a rectangle each in a common projection.
@@ -40,6 +47,8 @@ class LightFrame(eqx.Module):
         area: the size of a light that has one: `origin` is then the centre of the surface, or the
             axis the middle of the sun. None for a light without size. Hard shadows take the centre,
             and of a flat light the side that it emits to.
+        lamp: () int32, number of the shape that carries the light, in scene order, which its rays
+            leave out; `NO_LAMP` or `ANY_LAMP`.
     """
 
     origin: np.ndarray
@@ -51,6 +60,7 @@ class LightFrame(eqx.Module):
     near: np.ndarray = eqx.field(converter=scalar)
     perspective: bool = eqx.field(static=True)
     area: AreaLight | None = None
+    lamp: np.ndarray = eqx.field(converter=_shape_number, default=ANY_LAMP)
 
     @property
     def faces(self) -> int:

@@ -10,7 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from asmjax.buffers import ChartBuffer, LightBuffer, LightRays, TexelWindows
-from asmjax.geometry import Charts, LightFrame
+from asmjax.errors import require
+from asmjax.geometry import ANY_LAMP, NO_LAMP, Charts, LightFrame
 from asmjax.render.chart_rays import cast_charts, chart_buffer_of
 from asmjax.render.geometry import SceneGeometry
 from asmjax.render.instanced_hits import InstancedHits, shape_number
@@ -67,6 +68,7 @@ class MitsubaRays(LightRays):
         geometry: gives the global primitive ids.
         instancing: which of the shapes in `geometry`'s order are instances; None if none is.
         working: the frame in which the Mitsuba scene stands.
+        lamp: number of the shape that is left out, in `geometry`'s order; `NO_LAMP` for none.
     """
 
     def __init__(
@@ -77,8 +79,10 @@ class MitsubaRays(LightRays):
         geometry: SceneGeometry,
         instancing: Instancing | None = None,
         working: WorkingFrame = WORLD,
+        lamp: int = NO_LAMP,
     ):
         self.mi = mi
+        self.lamp = lamp
         self.scene = scene
         self.geometry = geometry
         self.working = working
@@ -103,6 +107,16 @@ class MitsubaRays(LightRays):
             self._ids = {
                 _key(s): (int(first[i]), i) for s, i in zip(shapes, shape_ids, strict=True)
             }
+
+    def check_lamp(self, frame: LightFrame) -> None:
+        """Raise `UseError` where these are not the rays of the frame's light: a lamp would shade
+        itself, or another one would cast no shadow."""
+        lamp = int(frame.lamp)
+        require(
+            lamp in (self.lamp, ANY_LAMP),
+            f"the light's frame is of {_words(lamp)}, but its rays are those of "
+            f"{_words(self.lamp)}; ask scene.light_frame and scene.light_rays for the same light.",
+        )
 
     def hits(
         self, origins: np.ndarray, directions: np.ndarray
@@ -242,6 +256,7 @@ class MitsubaRays(LightRays):
 
     def light_buffer(self, frame: LightFrame, windows: TexelWindows) -> LightBuffer:
         """All windows in one launch; rays are formed on the device from nine numbers a window."""
+        self.check_lamp(frame)
         if not self.vectorised:
             return super().light_buffer(frame, windows)
         frame = self.working.light_frame(frame)
@@ -255,6 +270,7 @@ class MitsubaRays(LightRays):
 
     def chart_buffer(self, frame: LightFrame, charts: Charts) -> ChartBuffer:
         """All charts in one launch each, which run side by side."""
+        self.check_lamp(frame)
         if not self.vectorised:
             return super().chart_buffer(frame, charts)
         found = cast_charts(self.mi, self._intersect, self.working.light_frame(frame), charts)
@@ -310,6 +326,10 @@ class MitsubaRays(LightRays):
             depth, prim = t.numpy(), prim.numpy()
         assert depth.dtype == np.float32 and prim.dtype == np.int32
         return depth, prim
+
+
+def _words(lamp: int) -> str:
+    return "a light without a lamp" if lamp == NO_LAMP else f"the lamp that is shape {lamp}"
 
 
 def _key(shape) -> int:

@@ -10,7 +10,7 @@ import numpy as np
 
 from asmjax.buffers import EXACT_IDS, EyeBuffer
 from asmjax.errors import UseError, unknown_name
-from asmjax.geometry import LightFrame
+from asmjax.geometry import NO_LAMP, LightFrame
 from asmjax.memory import Limit, Memory, Stage, check, limit_of
 from asmjax.render.caster import MitsubaRays
 from asmjax.render.emitters import SceneLight, read_emitters
@@ -132,17 +132,26 @@ class Scene:
         groups = {f"group{k}": group for k, group in enumerate(self._instancing.groups)}
         scene = self._mi.load_dict({"type": "scene", **groups, **casters}, optimize=False)
         others = [i for i in range(len(shapes)) if i != lamp]
-        return MitsubaRays(self._mi, scene, others, self.geometry, self._instancing, self.working)
+        return MitsubaRays(
+            self._mi, scene, others, self.geometry, self._instancing, self.working, lamp
+        )
 
     def light_frame(self, eye: Eyes, light: str | int | None = None) -> LightFrame:
         """The light frame that serves the receivers of the eye, or of all samples of its pixels."""
-        return light_frame(self.light(light), eye, self.geometry.bounds)
+        return self._of_lamp(light_frame(self.light(light), eye, self.geometry.bounds), light)
 
     def kept_light_frame(
         self, previous: LightFrame | None, eye: Eyes, light: str | int | None = None
     ) -> LightFrame:
         """`previous` while it serves the eye's receivers; see `asmjax.scene.lights`."""
-        return kept_light_frame(previous, self.light(light), eye, self.geometry.bounds)
+        frame = kept_light_frame(previous, self.light(light), eye, self.geometry.bounds)
+        return self._of_lamp(frame, light)
+
+    def _of_lamp(self, frame: LightFrame, light: str | int | None) -> LightFrame:
+        """The frame, which knows the lamp of its light; itself where it does."""
+        shape = self._light(light).shape
+        lamp = NO_LAMP if shape is None else shape
+        return frame if frame.lamp == lamp else replace(frame, lamp=lamp)
 
     def with_light(self, moved: LightSpec, light: str | int | None = None) -> "Scene":
         """The same scene with that light in another place."""
@@ -154,7 +163,8 @@ class Scene:
         return replace(self, lights=lights)
 
     def shadow_rays(self, eye: EyeBuffer, frame: LightFrame, rays: MitsubaRays) -> ShadowRays:
-        """One shadow ray per eye pixel: truth, and the yardstick of time."""
+        """One shadow ray per eye pixel: truth, and the yardstick of time. Raises `UseError` where
+        frame and rays are of different lights."""
         return ShadowRays(self.geometry, eye, frame, rays)
 
     def soft_rays(
@@ -167,7 +177,8 @@ class Scene:
         seed: int | tuple[int, ...] = 0,
     ) -> SoftShadowRays:
         """`repeats` shadow rays per eye pixel to each of `strata` x `strata` cells of the light:
-        soft truth, with its own error. Raises `UseError` for a light without a size."""
+        soft truth, with its own error. Raises `UseError` for a light without a size, and where
+        frame and rays are of different lights."""
         return SoftShadowRays(self.geometry, eye, frame, rays, strata, repeats, seed)
 
 

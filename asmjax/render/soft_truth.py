@@ -39,6 +39,7 @@ class SoftShadowRays:
         repeats: int = REPEATS,
         seed: int | tuple[int, ...] = 0,
     ):
+        rays.check_lamp(frame)
         self._samples = LightSamples(eye, frame, strata, repeats, seed)
         self._rays, self._perspective = rays, frame.perspective
         self.count = self._samples.count

@@ -28,6 +28,7 @@ class ShadowRays:
     def __init__(
         self, geometry: SceneGeometry, eye: EyeBuffer, frame: LightFrame, rays: MitsubaRays
     ):
+        rays.check_lamp(frame)
         world = np.where(eye.valid, eye.world, 0.0)
         to_light = towards_light(frame, world)
         facing = np.einsum("in,in->n", eye.normal, to_light) > 0

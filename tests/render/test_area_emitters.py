@@ -8,6 +8,7 @@ from asmjax.errors import UseError
 from asmjax.render.load import Scene, load_scene
 from asmjax.render.variant import activate
 from asmjax.scene.closed_forms import disc_visibility, half_plane_square_visibility
+from asmjax.shadow import LightSpaceShadowMap, UniformShadowMap
 
 pytestmark = pytest.mark.mitsuba
 
@@ -205,3 +206,28 @@ def test_no_sun_at_night():
     mi = activate()
     off = {"type": "sunsky", "sun_scale": 0.0}
     assert not load_scene(under(mi) | {"sky": off}).lights
+
+
+def test_a_frame_and_rays_of_different_lights_are_refused():
+    """A lamp would shade itself, or another one would cast no shadow, and nobody would know."""
+    mi = activate()
+    placed = mi.ScalarTransform4f().translate([0.5, 0.0, 5.0]).rotate([1, 0, 0], 180)
+    bulb = {"type": "point", "position": [1.0, 0.5, 7.0]}
+    scene = load_scene(under(mi, lamp=emitting("disk", placed)) | {"bulb": bulb})
+    eye = scene.eye()
+    (lamp,) = (name for name, light in scene.lights.items() if light.shape is not None)
+    (other,) = (name for name in scene.lights if name != lamp)
+    for frame_of, rays_of in ((lamp, other), (other, lamp)):
+        frame, rays = scene.light_frame(eye, frame_of), scene.light_rays(rays_of)
+        for used in (
+            lambda frame=frame, rays=rays: scene.shadow_rays(eye, frame, rays),
+            lambda frame=frame, rays=rays: UniformShadowMap(8).build(eye, frame, rays),
+            lambda frame=frame, rays=rays: LightSpaceShadowMap(8).build(eye, frame, rays),
+        ):
+            with pytest.raises(UseError, match="lamp that is shape .* for the same light"):
+                used()
+        kept = scene.kept_light_frame(frame, eye, frame_of)
+        assert kept.lamp == frame.lamp
+        assert scene.shadow_rays(eye, kept, scene.light_rays(frame_of)).trace().any()
+    with pytest.raises(UseError, match="for the same light"):
+        scene.soft_rays(eye, scene.light_frame(eye, lamp), scene.light_rays(other))
