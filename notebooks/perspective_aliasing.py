@@ -231,6 +231,7 @@ def sliders():
 
     return ipywidgets.interactive(
         explore,
+        {"auto_display": True},
         angle_deg=ipywidgets.IntSlider(
             60, 5, 90, 5, description="light, deg", continuous_update=False
         ),
