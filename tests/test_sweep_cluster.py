@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 from collections import Counter
+from typing import Any
 from unittest.mock import Mock
 
 import pytest
@@ -69,7 +70,7 @@ def test_workers_that_cannot_run_trials_are_sent_away(caplog):
 
     trials = fake_trials(8)
     with Workers(run, Limits(LONG), 2) as pool:
-        client = pool._client
+        client: Any = pool._client
         client.wait_for_workers(2, timeout=LONG)
         assert refused_without_certificate(client.scheduler.address)
         assert nothing_is_served(client.cluster.scheduler.http_server.port)
@@ -81,7 +82,7 @@ def test_workers_that_cannot_run_trials_are_sent_away(caplog):
         assert [*client.nthreads()] == [second]
         assert f"worker {first} cannot run trials, which others get now (CannotRun: " in caplog.text
         client.run(no_pipe, workers=[second])
-        client.run(lambda: watched._all[0]._process.kill(), workers=[second])
+        client.run(lambda: watched._all[0]._end(), workers=[second])
         with pytest.raises(Alone, match="no worker is left .*OSError.*Too many open files.*same"):
             carried_out(pool, trials[:1])
 
@@ -130,7 +131,8 @@ def test_an_answer_that_is_lost_again_and_again_is_not_waited_for_ever(losses, s
 def test_a_worker_with_threads_mixes_nothing_up(tmp_path):
     """Somebody's worker with three of them: each result is of its own trial."""
     trials = fake_trials(60, do="sleep", seconds=0.02)
-    with LocalCluster(n_workers=1, threads_per_worker=3, dashboard_address="127.0.0.1:0") as there:
+    there: Any = LocalCluster(n_workers=1, threads_per_worker=3, dashboard_address="127.0.0.1:0")
+    with there:
         found, told = swept(tmp_path, trials, scheduler=there.scheduler_address)
     assert len(found.done) == 60 and max(now.workers for now in told) == 3
     rows = results(tmp_path).stored
@@ -143,16 +145,18 @@ def test_an_interruption_stops_workers_at_once(tmp_path, monkeypatch):
     monkeypatch.setenv(MARK, str(tmp_path))
     trials = fake_trials(2) + fake_trials(4, do="sleep", seconds=LONG)
 
+    interrupted: list[float] = []
+
     def interrupt(now: SweepProgress) -> None:
         if now.done == 2:
+            interrupted.append(time.monotonic())
             raise KeyboardInterrupt
 
     with Store.open(tmp_path) as store:
-        start = time.monotonic()
         found = run_sweep(
             trials, store, run=run, workers=2, deadline_s=LONG, progress=interrupt
         )  # fmt: skip
-    assert time.monotonic() - start < 30
+    assert time.monotonic() - interrupted[0] < 30
     assert found.status == SweepStatus.INTERRUPTED
     assert (found.done, found.left) == (keys(trials[:2]), keys(trials[2:]))
     assert seconds_until_gone(str(tmp_path)) < 10
@@ -196,10 +200,12 @@ def test_killed_workers_lose_nothing(tmp_path, monkeypatch):
 def test_a_poison_costs_only_itself(tmp_path, do, status):
     """40 trials, one of which ends as badly as it can."""
     trials = fake_trials(39) + fake_trials(1, do=do)
-    found, _ = swept(tmp_path, trials, workers=2, deadline_s=3.0, memory_bytes=2**29)
+    # Elsewhere the deadline must not come first on a busy machine.
+    deadline = 3.0 if do == "endless" else LONG
+    found, _ = swept(tmp_path, trials, workers=2, deadline_s=deadline, memory_bytes=2**29)
     assert set(found.done) == set(keys(trials[:39])) and list(found.failed) == [trials[39].key]
     (bad,) = (row for row in results(tmp_path).stored if row.status != "done")
-    assert bad.status == status and bad.seconds < 3.0 + 10
+    assert bad.status == status and bad.seconds < deadline + 10
 
 
 @pytest.mark.slow

@@ -3,6 +3,7 @@
 import signal
 import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 from helpers.sweep_trials import FakeTrial, fake_trials, run
@@ -207,9 +208,8 @@ def test_a_sweep_ends_where_no_worker_is_there(tmp_path, monkeypatch):
 
 def fake_progress(done: int, seconds: float, **more) -> SweepProgress:
     """Of ten trials, two of which were known."""
-    return SweepProgress(
-        **{"total": 10, "skipped": 2, "workers": 3} | more, done=done, seconds=seconds
-    )
+    values: dict[str, Any] = {"total": 10, "skipped": 2, "workers": 3} | more
+    return SweepProgress(**values, done=done, seconds=seconds)
 
 
 def heard(capsys, quiet: bool, steps: list[SweepProgress]) -> list[str]:

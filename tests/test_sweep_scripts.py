@@ -24,7 +24,7 @@ def test_certificates_may_lie_in_a_folder_of_any_name(tmp_path):
     subprocess.run([SCRIPTS / "certificates.sh", folder], check=True)
     words = ["bash", "-c", 'source "$0/settings.sh" && env -0', folder]
     told = subprocess.run(words, capture_output=True, text=True, check=True).stdout
-    found = dict(line.partition("=")[::2] for line in told.split("\0"))
+    found = {name: value for name, _, value in (one.partition("=") for one in told.split("\0"))}
     tls = "DASK_DISTRIBUTED__COMM__TLS__"
     files = {name: Path(value) for name, value in found.items() if name.startswith(tls)}
     assert len(files) == 7 and all(file.is_file() for file in files.values())
