@@ -3,7 +3,7 @@ float64 for a while."""
 
 import functools
 from collections.abc import Callable
-from typing import ParamSpec, TypeVar
+from typing import Any, ParamSpec, TypeVar
 
 import jax
 import jax.numpy as jnp
@@ -59,7 +59,7 @@ def dot(a, b):
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-def scalar(value: float | np.ndarray | jax.Array) -> np.ndarray | jax.Array:
+def scalar(value: float | np.ndarray | jax.Array) -> Any:
     """A number as a () float64 array, which a jitted function is told; a Python float becomes a
     part of what `eqx.filter_jit` compiles, again for every other value. JAX's own stay."""
     return value if isinstance(value, jax.Array) else np.asarray(value, np.float64)

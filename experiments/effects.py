@@ -127,8 +127,9 @@ def part_of(scene: Scene, view: ViewSpec, eye: EyeBuffer, name: str) -> np.ndarr
     """What part of the light each pixel (n,) gets from a light where nothing shades it, as the plan
     has it of its probe."""
     asked = asked_of(scene, view)
-    lights = [replace(one, frame=scene.light_frame(eye, one.spec.name)) for one in asked.lights]
-    paths = [light_paths(eye, one.frame) for one in lights]
+    frames = [scene.light_frame(eye, one.spec.name) for one in asked.lights]
+    lights = [replace(one, frame=frame) for one, frame in zip(asked.lights, frames, strict=True)]
+    paths = [light_paths(eye, frame) for frame in frames]
     parts, _ = parts_of(replace(asked, eye=eye, lights=lights), paths)
     return parts[[one.spec.name for one in lights].index(name)]
 

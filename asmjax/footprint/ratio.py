@@ -56,7 +56,9 @@ def m(jacobian: Float[Array, "2 2 n"], resolution: ArrayLike) -> Float[Array, " 
     return jnp.exp2(log2_m(jacobian, resolution))
 
 
-def n_required(n_current: ArrayLike, ratio: Float[Array, " n"]) -> Float[Array, " n"]:
+def n_required(
+    n_current: Float[Array, " n"] | float, ratio: Float[Array, " n"]
+) -> Float[Array, " n"]:
     """Texels that an area of `n_current` texels needs to match the eye: n_current * area ratio.
 
     Fernando et al. 2001, 3.1, print the inverse ratio (eye / shadow); read literally that asks
