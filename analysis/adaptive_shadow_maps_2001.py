@@ -15,6 +15,7 @@ from pathlib import Path
 
 import jax
 import numpy as np
+from asm2001.paper import PAPER, bounds_of, bounds_table, document
 
 from asmjax.cli.caches import enable_compilation_cache
 from asmjax.experiment import measure, measure_rays
@@ -27,7 +28,6 @@ from asmjax.report.figures import RunPictures
 from asmjax.report.figures.beside import draw_beside
 from asmjax.report.figures.growth import draw_growth
 from asmjax.report.measured import light_parts, method_records
-from asmjax.report.paper_2001 import PAPER, bounds_of, bounds_table, document
 from asmjax.report.provenance import provenance
 from asmjax.report.stepwise import StepwiseRecord
 from asmjax.report.table import MB

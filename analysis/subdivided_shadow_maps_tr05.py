@@ -15,11 +15,11 @@ from pathlib import Path
 
 import jax
 from tr05 import accuracy_steps, aliasing_steps, cost_steps, gradient_steps, theory_steps
+from tr05.paper import bounds_of, bounds_table
 from tr05.sizes import QUICK, Analysis, Sizes
 
 from asmjax.cli.caches import enable_compilation_cache
 from asmjax.machine import keep_freed_memory
-from asmjax.report.paper_tr05 import bounds_of, bounds_table
 
 THEORY: dict[str, Callable[[Analysis], None]] = {
     "equations": theory_steps.equations,

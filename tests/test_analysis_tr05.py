@@ -8,8 +8,7 @@ from pathlib import Path
 import jax.numpy as jnp
 import numpy as np
 import pytest
-
-from asmjax.report.paper_tr05 import (
+from tr05.paper import (
     bounds_of,
     bounds_table,
     document,

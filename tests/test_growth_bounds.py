@@ -2,15 +2,7 @@
 
 import numpy as np
 import pytest
-
-from asmjax.errors import UseError
-from asmjax.experiment.bounds import Bound
-from asmjax.experiment.growth import SERIES, Growth, GrowthPoint, fitted_slope
-from asmjax.report.figures import RunPictures
-from asmjax.report.figures.beside import draw_beside
-from asmjax.report.figures.growth import draw_growth
-from asmjax.report.figures.style import FALSE_DARK, FALSE_LIT, hex_rgb
-from asmjax.report.paper_2001 import (
+from asm2001.paper import (
     PAPER,
     bounds_of,
     bounds_table,
@@ -20,6 +12,14 @@ from asmjax.report.paper_2001 import (
     timing_table,
     view_table,
 )
+
+from asmjax.errors import UseError
+from asmjax.experiment.bounds import Bound
+from asmjax.experiment.growth import SERIES, Growth, GrowthPoint, fitted_slope
+from asmjax.report.figures import RunPictures
+from asmjax.report.figures.beside import draw_beside
+from asmjax.report.figures.growth import draw_growth
+from asmjax.report.figures.style import FALSE_DARK, FALSE_LIT, hex_rgb
 
 MB = 2**20
 

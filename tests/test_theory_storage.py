@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from helpers.theory import compiled, in_range
 from numpy.testing import assert_allclose
+from tr05.paper import DIRECTIONS, STORAGE, last_digits
 
 from asmjax import theory
 from asmjax.errors import UseError
-from asmjax.report.paper_tr05 import DIRECTIONS, STORAGE, last_digits
 
 THETA = np.pi / 6
 

@@ -7,10 +7,10 @@ import pytest
 from helpers.theory import COUNT, compiled, in_range, shares
 from hypothesis import given
 from numpy.testing import assert_allclose
+from tr05.paper import EQUATION_7, EQUATION_7_LIMIT, last_digits
 
 from asmjax import theory
 from asmjax.errors import UseError
-from asmjax.report.paper_tr05 import EQUATION_7, EQUATION_7_LIMIT, last_digits
 
 mpf = mpmath.mpf
 HALF = float(np.arctan(0.5))

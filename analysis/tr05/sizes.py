@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from asmjax.report.paper_tr05 import PAPER, bounds_of, document
 from asmjax.report.stepwise import StepwiseRecord
+from tr05.paper import PAPER, bounds_of, document
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from asmjax.report.figures.aliasing import (
     draw_distribution,
     draw_subdivision,
 )
-from asmjax.report.paper_tr05 import (
+from tr05.paper import (
     CROSSING_DEG,
     DIRECTIONS,
     EQUATION_7,

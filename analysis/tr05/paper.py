@@ -2,19 +2,19 @@
 
 Everything here reads the record that `analysis/subdivided_shadow_maps_tr05.py` writes step by step;
 what a step did not compute is left out of the tables, and its bounds are skipped. What was measured
-is in `asmjax.report.paper_tr05_measured`.
+is in `tr05.paper_measured`.
 """
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from asmjax.experiment.bounds import Bound
-from asmjax.report.paper_tr05_measured import (
+from asmjax.report.table import significant
+from tr05.paper_measured import (
     PAPER_MEASURED,
     measured_bounds,
     measured_sections,
 )
-from asmjax.report.table import significant
 
 PAPER = {
     "source": "Lloyd, Yoon, Tuft, Manocha: Subdivided Shadow Maps, UNC TR05-024, 2005, 3 to 5.2",

@@ -1,6 +1,6 @@
 """Section 5 of TR05-024 as measured: its numbers, our bounds and tables beside them.
 
-Reads the record as `asmjax.report.paper_tr05` does; what a step did not measure is left out.
+Reads the record as `tr05.paper` does; what a step did not measure is left out.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
