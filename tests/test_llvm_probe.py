@@ -159,9 +159,7 @@ def test_verdict_is_remembered_until_the_file_changes(
     library.write_bytes(b"one")
     monkeypatch.setenv("DRJIT_LIBLLVM_PATH", str(library))
     first = llvm.probe()
-    start = time.perf_counter()
     assert llvm.probe() == first
-    assert time.perf_counter() - start < 0.1
     assert len(child_runs) == 1
     assert llvm.probe(refresh=True) == first and len(child_runs) == 2
     library.write_bytes(b"other content")

@@ -123,9 +123,10 @@ def test_a_light_all_around_lights_every_wall():
             assert dark.mean() < 0.1
 
 
-def test_seconds_are_all_the_time_that_a_build_takes():
-    """Nothing between the passes is left out: the stages together are the wall time but for a
-    tenth."""
+def test_seconds_are_all_the_time_that_a_build_takes(monkeypatch):
+    """Nothing between the passes is left out: the stages together are all of the time but for a
+    tenth. By a clock that stands still while other processes run."""
+    monkeypatch.setattr("time.perf_counter", time.process_time)
     algorithm = ALGORITHMS[1]
     case = analytic_case("a4_disc_light", 160)
     algorithm.build(case.eye, case.frame, case.rays)

@@ -103,15 +103,15 @@ def test_list_matches_the_scenes(scenes):
 
 
 def test_listing_and_building_are_fast():
-    """Bounds with room for a busy machine: best of five."""
+    """Processor time, which no neighbour takes part in: best of five."""
     listing, building = [], []
     for _ in range(5):
-        start = time.perf_counter()
+        start = time.process_time()
         builtin.list_scenes()
-        listing.append(time.perf_counter() - start)
-        start = time.perf_counter()
+        listing.append(time.process_time() - start)
+        start = time.process_time()
         paper_room.make_paper_room()
-        building.append(time.perf_counter() - start)
+        building.append(time.process_time() - start)
     assert min(listing) < 0.1 and min(building) < 0.3
 
 

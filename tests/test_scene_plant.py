@@ -73,10 +73,10 @@ def test_more_triangles_make_it_longer_rounder_and_finer():
 
 
 def test_twelve_million_take_seconds():
-    """Only a loop over triangles would take longer than this."""
-    start = time.perf_counter()
+    """Only a loop over triangles would take more processor time than this."""
+    start = time.process_time()
     scene = plant.make_plant(12_000_000)
-    assert time.perf_counter() - start < 30.0
+    assert time.process_time() - start < 30.0
     assert scene.triangles == pytest.approx(12_000_000, rel=1e-3)
 
 
