@@ -360,7 +360,7 @@ def test_a_report_that_breaks_its_schema_is_named(report, change, said):
 
 def test_every_key_is_documented():
     """What an analysis has in common with a run stands under the run."""
-    text = (Path(__file__).parents[1] / "docs/report.md").read_text(encoding="utf-8")
+    text = (Path(__file__).parents[1] / "docs/analyses.md").read_text(encoding="utf-8")
     common = {path for path, _ in key_paths(RUN_KEYS)}
     for path, key in key_paths(ALIASING_KEYS):
         assert key.means

@@ -397,7 +397,7 @@ TOLD_ONCE = ("trials[].error.", "trials[].ratio.", "trials[].views[].", "yardsti
 def test_every_key_is_documented():
     """What a comparison has in common with a run stands under the run; the four keys of an
     interval stand under the total's."""
-    text = (Path(__file__).parents[1] / "docs/report.md").read_text(encoding="utf-8")
+    text = (Path(__file__).parents[1] / "docs/comparisons.md").read_text(encoding="utf-8")
     common = {path for path, _ in key_paths(RUN_KEYS)}
     for path, key in key_paths(COMPARISON_KEYS):
         assert key.means

@@ -352,7 +352,7 @@ def test_a_report_that_breaks_its_schema_is_named(report, change, said):
 
 def test_every_key_is_documented():
     """What a plan has in common with a run stands under the run."""
-    text = (DOCS / "report.md").read_text(encoding="utf-8")
+    text = (DOCS / "plans.md").read_text(encoding="utf-8")
     common = {path for path, _ in key_paths(RUN_KEYS)}
     for path, key in key_paths(PLAN_KEYS):
         assert key.means
