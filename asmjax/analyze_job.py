@@ -32,6 +32,7 @@ from asmjax.preparation import (
     StepBar,
     Subject,
     calibrated,
+    check_named,
     chosen_maps,
     subject_of,
 )
@@ -88,13 +89,7 @@ def analyse_scene(
     options = given_options(AnalyzeOptions, options, changes)
     families = families_of(options.methods)
     chosen = chosen_maps(options)
-    if options.settings is not None:
-        family = family_of(chosen.other or chosen.adaptive)
-        require(
-            family in families,
-            f"the settings file '{options.settings}' is of {family}, which --methods leaves out; "
-            "name it there, or leave out --settings.",
-        )
+    check_named(options, chosen, families)
 
     def stages(sight: Sight, faces: int) -> list[Stage]:
         if ADAPTIVE in families:

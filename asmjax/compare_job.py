@@ -34,6 +34,7 @@ from asmjax.preparation import (
     bench_of,
     calibrated,
     check_edges,
+    check_named,
     chosen_maps,
     chosen_view,
     sight_of,
@@ -174,13 +175,7 @@ class Comparing:
         self._options, self._start = options, time.monotonic()
         families = families_of(options.methods)
         chosen = chosen_maps(options)
-        if options.settings is not None:
-            family = family_of(chosen.other or chosen.adaptive)
-            require(
-                family in families,
-                f"the settings file '{options.settings}' is of {family}, which --methods leaves "
-                "out; name it there, or leave out --settings.",
-            )
+        check_named(options, chosen, families)
         self.scene = load_scene(
             options.scene,
             options.variant,

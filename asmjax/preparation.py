@@ -1,6 +1,5 @@
 """What every command that measures does first: its view, its samples, its map."""
 
-import math
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
@@ -20,14 +19,29 @@ from asmjax.geometry import LightFrame
 from asmjax.job_memory import Sight, held_besides
 from asmjax.machine import keeps_freed_memory
 from asmjax.memory import Forecast, Memory, Stage, check, limit_of
-from asmjax.options import AnalyzeOptions, JobOptions, MapJobOptions, RunOptions, ViewJobOptions
+from asmjax.options import (
+    AnalyzeOptions,
+    CompareOptions,
+    JobOptions,
+    MapJobOptions,
+    RunOptions,
+    ViewJobOptions,
+)
+from asmjax.plain import NonFinite, plain
 from asmjax.render.caster import MitsubaRays
 from asmjax.render.content import content_of
 from asmjax.render.load import Scene, load_scene
 from asmjax.render.soft_truth import SoftShadowRays
 from asmjax.scene.path import aimed_at
 from asmjax.scene.spec import LightSpec, ViewSpec
-from asmjax.shadow import AdaptiveShadowMap, CostModel, ShadowAlgorithm, preset, read_settings
+from asmjax.shadow import (
+    AdaptiveShadowMap,
+    CostModel,
+    ShadowAlgorithm,
+    family_of,
+    preset,
+    read_settings,
+)
 from asmjax.shadow.adaptive import kept_or_measured, on_this_machine
 
 AIM_SIDE = 32
@@ -183,18 +197,7 @@ def _facts(
         "keeps_freed_memory": keeps_freed_memory(),
         **code_facts(),
     }
-    return _plain(facts)
-
-
-def _plain(value: Any) -> Any:
-    """As JSON can hold it: a number that is not finite becomes its name."""
-    if isinstance(value, dict):
-        return {name: _plain(item) for name, item in value.items()}
-    if isinstance(value, np.ndarray):
-        value = value.tolist()
-    if isinstance(value, tuple | list):
-        return [_plain(item) for item in value]
-    return str(value) if isinstance(value, float) and not math.isfinite(value) else value
+    return plain(facts, NonFinite.NAMED)
 
 
 def check_edges(bench: Bench, scene: Scene) -> None:
@@ -293,6 +296,20 @@ def chosen_maps(options: MapJobOptions) -> ChosenMaps:
             "the adaptive map is built; give it in the file, or leave out --settings.",
         )
     return ChosenMaps(chosen, source=options.settings)
+
+
+def check_named(
+    options: AnalyzeOptions | CompareOptions, chosen: ChosenMaps, families: Sequence[str]
+) -> None:
+    """Raise `UseError` if the settings file is of a family that `--methods` leaves out."""
+    if options.settings is None:
+        return
+    family = family_of(chosen.other or chosen.adaptive)
+    require(
+        family in families,
+        f"the settings file '{options.settings}' is of {family}, which --methods leaves out; name "
+        "it there, or leave out --settings.",
+    )
 
 
 def adaptive_map(options: MapJobOptions) -> AdaptiveShadowMap:

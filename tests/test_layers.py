@@ -1,6 +1,7 @@
 """Imports go downwards only, and the renderer stays in one folder: read from the source."""
 
 import ast
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -10,7 +11,7 @@ PACKAGE = Path(__file__).parents[1] / "asmjax"
 
 # Lowest first; what stands in one row may not import its neighbours either.
 LAYERS = [
-    {"errors", "paths", "machine", "numerics", "interruption"},
+    {"errors", "paths", "machine", "numerics", "interruption", "plain"},
     {"memory", "toml_files", "fronts", "writing"},
     {"options"},
     {"geometry"},
@@ -125,3 +126,11 @@ def test_imports_go_downwards(path):
 )
 def test_the_rule_itself(importer, target, allowed):
     assert may_import(importer, target) is allowed
+
+
+def test_the_rule_is_told_as_it_is():
+    """CONTRIBUTING.md names the layers in their order, but for the entry points."""
+    text = (PACKAGE.parent / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    rule = text.split("**Imports go downwards**:")[1].split("`render/`")[0]
+    told = [set(re.split(r"[,\s]+", names)) for names in re.findall("`([^`]+)`", rule)]
+    assert told == LAYERS[:-1]

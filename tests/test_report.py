@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from asmjax.memory import Forecast, Limit, Memory
+from asmjax.plain import NonFinite, plain
 from asmjax.report import (
     MAP_NAMES,
     RUN_KEYS,
@@ -32,11 +33,11 @@ from asmjax.report import (
     write_json,
 )
 from asmjax.report.outputs import SINGLE_RUN, WALKTHROUGH
-from asmjax.report.record import plain, report_of_entries
+from asmjax.report.record import report_of_entries
 from asmjax.report.table import MAX_WIDTH, short_count
 from asmjax.writing import WriteError
 
-DOCS = Path(__file__).parents[1] / "docs" / "report.md"
+DOCS = Path(__file__).parents[1] / "docs"
 ARRAYS = ("valid", "position", "truth", "visibility_<method>", *MAP_NAMES)
 ADAPTIVE = {"nodes": 950, "passes": 14, "max_level": 13, "status": "converged"}
 
@@ -102,7 +103,7 @@ def test_numbers_of_numpy_and_jax_become_plain():
     assert type(made["seed"]) is int
     assert type(made["methods"][0]["rays"]) is int
     assert made["methods"][0]["settings"] == {"r": 0.5}
-    assert plain({1: (np.float32(2), np.bool_(True), Path("a"), None)}) == {
+    assert plain({1: (np.float32(2), np.bool_(True), Path("a"), None)}, NonFinite.KEPT) == {
         "1": [2.0, True, "a", None]
     }
 
@@ -241,8 +242,12 @@ def test_optional_keys_may_be_absent():
 
 
 def test_the_documentation_names_every_key():
-    text = DOCS.read_text(encoding="utf-8")
+    text, walks = (
+        (DOCS / f"{name}.md").read_text(encoding="utf-8") for name in ("report", "walkthroughs")
+    )
     for path, key in key_paths(RUN_KEYS):
+        if path.startswith("plan."):
+            continue  # stands under the plans
         *parents, name = path.split(".")
         summary = parents[:1] == ["maps"] and len(parents) == 2
         assert f"`{name if summary else path}`" in text or f"`{path}." in text, path
@@ -256,12 +261,13 @@ def test_the_documentation_names_every_key():
             continue
         if path in {f"summary.methods[].seconds.{stage}" for stage in seconds}:
             continue
-        assert f"`{path.removesuffix('[]')}`" in text or f"`{path}." in text, path
-    assert RUN_SCHEMA in text and WALKTHROUGH_SCHEMA in text
+        assert f"`{path.removesuffix('[]')}`" in walks or f"`{path}." in walks, path
+    assert RUN_SCHEMA in text and WALKTHROUGH_SCHEMA in walks
     for name in ARRAYS:
         assert f"| `{name}` |" in text, name
-    for file in (*SINGLE_RUN, *WALKTHROUGH):
-        assert "[" in file or f"`{file}`" in text, file
+    for page, files in ((text, SINGLE_RUN), (walks, WALKTHROUGH)):
+        for file in files:
+            assert "[" in file or f"`{file}`" in page, file
 
 
 def test_a_file_is_written_whole_or_not_at_all(tmp_path, monkeypatch):

@@ -15,11 +15,12 @@ from asmjax.experiment.comparison import (
     telling_errors,
 )
 from asmjax.experiment.trial import Trial
+from asmjax.plain import NonFinite, plain
 from asmjax.report.compare_result import ComparisonResult
 from asmjax.report.compare_schema import COMPARISON_SCHEMA
 from asmjax.report.measured import cost_model_record
 from asmjax.report.provenance import provenance
-from asmjax.report.record import report_of_entries, storable
+from asmjax.report.record import report_of_entries
 
 
 def report_of_comparison(result: ComparisonResult, seed: int) -> dict:
@@ -76,7 +77,7 @@ def _trial(item: Compared) -> dict:
         "name": trial.name,
         "family": trial.family,
         "label": item.label,
-        "settings": {name: storable(value) for name, value in trial.settings.items()},
+        "settings": plain(trial.settings, NonFinite.NAMED),
         "samples": trial.samples,
         **measured_record(trial),
         "ranked_seconds": item.seconds.record(),

@@ -1,7 +1,6 @@
 """Builds the record of a run, and writes it whole or not at all."""
 
 import json
-import math
 import os
 import shlex
 from collections.abc import Mapping, Sequence
@@ -11,6 +10,7 @@ from typing import SupportsIndex
 import numpy as np
 
 from asmjax.memory import Forecast
+from asmjax.plain import NonFinite, plain
 from asmjax.report.keys import InvalidReport, first_unstorable
 from asmjax.report.schema import RUN_SCHEMA, validate_report
 from asmjax.writing import text_writer, write_file
@@ -60,20 +60,13 @@ def method_record(
     texels = None if effective_resolution is None else index(effective_resolution)
     return {
         "name": name,
-        "settings": {setting: storable(value) for setting, value in settings.items()},
+        "settings": plain(settings, NonFinite.NAMED),
         "effective_resolution": texels,
         "bytes": index(bytes),
         "rays": index(rays),
         "seconds": stages | {"total": float(seconds.get("total", sum(stages.values())))},
         "error": dict(error),
     } | more
-
-
-def storable(value):
-    """A setting as JSON can hold it: a number that is not finite becomes its name, as "inf"."""
-    if isinstance(value, dict):
-        return {name: storable(item) for name, item in value.items()}
-    return str(value) if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def run_report(
@@ -150,28 +143,9 @@ def report_of_entries(
         "seed": index(seed),
         **entries,
     }
-    report = {name: plain(value) for name, value in report.items()}
+    report = plain(report, NonFinite.KEPT)
     validate_report(report)
     return report
-
-
-def plain(value):
-    """`value` with mappings as dicts, sequences as lists, 0-d arrays as numbers, paths as text."""
-    if isinstance(value, Mapping):
-        return {str(name): plain(item) for name, item in value.items()}
-    if isinstance(value, str | bool | int | float) or value is None:
-        # Subclasses such as numpy.float64 and enumerations of text become their base.
-        for kind in (bool, str, int, float):
-            if isinstance(value, kind):
-                return kind(value)
-        return None
-    if isinstance(value, os.PathLike):
-        return os.fspath(value)
-    if hasattr(value, "tolist"):
-        return plain(np.asarray(value).tolist())
-    if isinstance(value, Sequence):
-        return [plain(item) for item in value]
-    return value
 
 
 def write_json(path: str | os.PathLike, report: dict) -> None:

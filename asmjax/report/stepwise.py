@@ -12,8 +12,9 @@ from matplotlib.figure import Figure
 from tqdm import tqdm
 
 from asmjax.experiment.bounds import Bound
+from asmjax.plain import NonFinite, plain
 from asmjax.report.figures import save
-from asmjax.report.record import plain, write_json
+from asmjax.report.record import write_json
 from asmjax.writing import text_writer, write_file
 
 ANALYSIS_SCHEMA = "asmjax/analysis/1"
@@ -60,7 +61,7 @@ class StepwiseRecord:
     def write(self) -> None:
         """Write the record with the bounds that it decides, and the document made of it."""
         self.record["bounds"] = [bound.record() for bound in self._bounds(self.record)]
-        record = plain(self.record)
+        record = plain(self.record, NonFinite.KEPT)
         assert isinstance(record, dict)
         write_json(self.folder / "report.json", record)
         words = text_writer(lambda: self._document(self.record))

@@ -7,10 +7,11 @@ from typing import Any
 import jax
 import numpy as np
 
+from asmjax.plain import NonFinite, plain
 from asmjax.report.compare_record import measured_record
 from asmjax.report.measured import cost_model_record
 from asmjax.report.provenance import provenance
-from asmjax.report.record import report_of_entries, storable
+from asmjax.report.record import report_of_entries
 from asmjax.report.tune_result import TuningResult
 from asmjax.report.tune_schema import RIVALS, TUNING_SCHEMA
 from asmjax.tuning.goal import Goal
@@ -63,7 +64,7 @@ def candidate_record(one: Candidate, goal: Goal) -> dict[str, Any]:
     """A candidate, all of its views together."""
     return {
         "role": one.role,
-        "settings": {name: storable(value) for name, value in one.settings.items()},
+        "settings": plain(one.settings, NonFinite.NAMED),
         "met": goal.met(one.edge_px, one.seconds),
         "objective": _finite(one.objective(goal)),
         "edge_px": one.edge_px,
@@ -90,7 +91,7 @@ def _rival(result: TuningResult, name: str) -> dict[str, Any] | None:
         return None
     settings = one.trials[0].settings
     return candidate_record(one, result.found.goal) | {
-        "all_settings": {setting: storable(value) for setting, value in settings.items()},
+        "all_settings": plain(settings, NonFinite.NAMED),
         "gain": result.gain_over(name),
         "views": [{"view": trial.view, **measured_record(trial)} for trial in one.trials],
     }

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from asmjax.errors import UseError, require, unknown_name
+from asmjax.plain import NonFinite, plain
 from asmjax.render.load import scene_file
 from asmjax.scene.builtin import SceneItem, is_builtin, scene_item
 from asmjax.scene.spec import pick
@@ -120,7 +121,7 @@ class Resolver:
         table = _nested({path[1:]: item.value for path, item in said.items() if len(path) > 1})
         if memory_mb is not None and by_memory:
             table["memory_mb"] = memory_mb
-        key = canonical({"algorithm": family, "settings": plain(table)})
+        key = canonical({"algorithm": family, "settings": plain(table, NonFinite.NAMED)})
         if key not in self._settings:
             try:
                 chosen = algorithm_of({"algorithm": family, "settings": table})
@@ -164,7 +165,7 @@ def settings_table(algorithm: ShadowAlgorithm) -> dict[str, Any]:
         value = getattr(algorithm, name)
         if isinstance(value, ShadowAlgorithm):
             value = {"algorithm": family_of(value), "settings": settings_table(value)}
-        found[name] = plain(value)
+        found[name] = plain(value, NonFinite.NAMED)
     return found
 
 
@@ -175,13 +176,6 @@ def algorithm_in(family: str, settings: Mapping[str, Any]) -> ShadowAlgorithm:
         UseError: as `algorithm_of`.
     """
     return algorithm_of({"algorithm": family, "settings": _read(settings)})
-
-
-def plain(value: Any) -> Any:
-    """As JSON can hold it: a number that is not finite becomes its name."""
-    if isinstance(value, Mapping):
-        return {name: plain(item) for name, item in value.items()}
-    return str(value) if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _read(settings: Mapping[str, Any]) -> dict[str, Any]:

@@ -1,6 +1,5 @@
 """One trial of a sweep: an algorithm with its settings on a view, measured, as plain values."""
 
-import math
 import threading
 import time
 from collections.abc import Mapping
@@ -15,6 +14,7 @@ from asmjax.experiment.code import code_facts
 from asmjax.experiment.traces import counted_traces
 from asmjax.experiment.trial import Trial
 from asmjax.memory import limit_of
+from asmjax.plain import NonFinite, plain
 from asmjax.shadow import (
     AdaptiveShadowMap,
     CostModel,
@@ -84,7 +84,7 @@ def run_trial(config: Mapping[str, Any], share: Share | None = None) -> Outcome:
             "functions_traced": len(traced),
         }
     arrays = {"visibility": image.astype(np.float32)} if "visibility" in config["keep"] else {}
-    return Outcome(_plain(record), arrays)
+    return Outcome(plain(record, NonFinite.NONE), arrays)
 
 
 def algorithm_for(config: Mapping[str, Any], faces: int) -> ShadowAlgorithm:
@@ -155,14 +155,3 @@ def _record(trial: Trial, algorithm: ShadowAlgorithm, ready: Ready) -> dict[str,
         "device": jax.devices()[0].device_kind,
         "code": code_facts()["code"],
     }
-
-
-def _plain(value: Any) -> Any:
-    """As JSON can hold it: NumPy's numbers as Python's, None where a number is not finite."""
-    if isinstance(value, Mapping):
-        return {name: _plain(item) for name, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if isinstance(value, np.generic):
-        value = value.item()
-    return None if isinstance(value, float) and not math.isfinite(value) else value
