@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-from asmjax.errors import UseError
+from asmjax.errors import UseError, require
 from asmjax.options import ReportOptions
-from asmjax.report.outputs import PAGE
+from asmjax.report.outputs import PAGE, own_page
 from asmjax.report.page import SECTIONS, write_page
 from asmjax.report.page.words import megabytes
 from asmjax.report.schema import validate_report
@@ -30,6 +30,10 @@ def run_report(options: ReportOptions) -> Path:
     """
     folders = [Path(folder) for folder in options.folders]
     path = Path(options.out) if options.out else folders[0] / PAGE
+    require(
+        options.out is not None or not path.exists() or bool(own_page(folders[0])),
+        f"'{path}' is not a page that asmjax made; move it away, or give --out.",
+    )
     if options.out:
         try:
             path.parent.mkdir(parents=True, exist_ok=True)

@@ -340,3 +340,15 @@ def test_a_kind_of_report_of_elsewhere_brings_its_section(tmp_path):
     path = tmp_path / "page.html"
     write_page([folder], path, {"mine/1": part}, check)
     assert "It is &lt;mine&gt;." in path.read_text(encoding="utf-8")
+
+
+def test_a_page_of_somebody_else_is_not_overwritten(tmp_path, capfd):
+    """Only what asmjax made gives way to a new page."""
+    folder = write_report(tmp_path / "out", report_of(RUN_SCHEMA))
+    (folder / PAGE).write_text("<title>mine</title>", encoding="utf-8")
+    assert cli.main(["report", str(folder), "--quiet"]) == 2
+    assert "not a page that asmjax made" in capfd.readouterr().err
+    assert (folder / PAGE).read_text(encoding="utf-8") == "<title>mine</title>"
+    (folder / PAGE).unlink()
+    for _ in range(2):
+        assert cli.main(["report", str(folder), "--quiet"]) == 0

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from asmjax.errors import UseError, require
+from asmjax.writing import why
 
 FORMAT = "asmjax/measurement/1"
 
@@ -84,9 +85,10 @@ class Ledger:
                 file.flush()
                 os.fsync(file.fileno())
         except OSError as problem:
+            reason = why(problem, "choose another `out`")
             raise LedgerError(
-                f"cannot write measurements to '{self.path}' ({problem.strerror}); choose another "
-                "`out`."
+                f"cannot write measurements to '{self.path}' {reason} "
+                "Those of before are kept, and the same command goes on after them."
             ) from problem
 
 

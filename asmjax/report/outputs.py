@@ -13,9 +13,9 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from asmjax.errors import UseError, require
+from asmjax.errors import require
 from asmjax.report.record import write_json
-from asmjax.writing import WriteError, Writer, write_file
+from asmjax.writing import WriteError, Writer, write_file, written
 
 REPORT = "report.json"
 
@@ -121,7 +121,7 @@ class Outputs:
         present = _files(self.path)
         earlier = read_report(self.path)
         if earlier is None:
-            page = _page(self.path)
+            page = own_page(self.path)
             foreign = [n for n in present if not _matches(n, _KEPT) and n not in page]
             require(
                 not foreign,
@@ -150,13 +150,9 @@ class Outputs:
         )
 
     def make(self) -> None:
-        """Make the folder. Raises `UseError` where that is not possible."""
-        try:
+        """Make the folder. Raises `WriteError` where that is not possible."""
+        with written(self.path):
             self.path.mkdir(parents=True, exist_ok=True)
-        except OSError as problem:
-            raise UseError(
-                f"cannot write results to '{self.path}' ({problem.strerror}); choose another --out."
-            ) from problem
 
     def forget(self) -> None:
         """Delete what the report before this run lists, and its page."""
@@ -197,7 +193,7 @@ class Outputs:
                 self._problems.append(problem)
 
     def _before(self) -> set[str]:
-        return _listed(self.path, read_report(self.path)) | _page(self.path)
+        return _listed(self.path, read_report(self.path)) | own_page(self.path)
 
     def finish(self) -> None:
         """Raise `WriteError` if files could not be written; all others are there."""
@@ -243,8 +239,8 @@ def _listed(folder: Path, report: Mapping[str, Any] | None) -> set[str]:
     return {name for name in _files(folder) if name in named and _matches(name, patterns)}
 
 
-def _page(folder: Path) -> set[str]:
-    """The page of a folder, if asmjax made it."""
+def own_page(folder: Path) -> set[str]:
+    """The name of a folder's page, if asmjax made it."""
     with contextlib.suppress(OSError), (folder / PAGE).open("rb") as file:
         if _PAGE_BEGINS in file.read(4096):
             return {PAGE}
