@@ -20,8 +20,11 @@ MARGIN = 1e-4
 NARROWEST = 1e-5
 """Fitted rectangles are at least this part of the scene wide, of the unit on perspective faces."""
 
-NO_LAMP, ANY_LAMP = -1, -2
-"""As the lamp of a frame: its light has none, or nobody said whether it has."""
+NO_LAMP = -1
+"""As the lamp of a frame: its light has none."""
+
+ANY_LAMP = -2
+"""As the lamp of a frame: nobody said whether its light has one."""
 
 
 def _shape_number(number: int | np.ndarray) -> np.ndarray:
