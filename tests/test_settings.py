@@ -401,7 +401,8 @@ def test_examples_of_the_page_are_its_files_and_load():
 
 def refused(family: str, name: str, value: Any) -> str:
     """What an algorithm says to a value of a kind that the tests' type checks would not let by."""
-    algorithm: Any = ALGORITHMS[family]()
+    kind: Any = ALGORITHMS[family]
+    algorithm = kind()
     object.__setattr__(algorithm, name, value)
     with pytest.raises(UseError) as problem:
         algorithm.__check_init__()
@@ -433,6 +434,7 @@ def test_settings_have_to_be_named(family):
     """All but the first, which is the resolution; a filter's width and samples too. Of an adaptive
     map a number alone would be one of bytes."""
     may = {"adaptive": (), "filtered": ("area", 2.0), "accumulated": (64, 2)}.get(family, (64,))
-    ALGORITHMS[family](*may)
+    kind: Any = ALGORITHMS[family]
+    kind(*may)
     with pytest.raises(TypeError, match="positional argument"):
-        ALGORITHMS[family](*may, 2048)
+        kind(*may, 2048)
