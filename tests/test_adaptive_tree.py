@@ -175,7 +175,7 @@ def test_each_level_of_a_refined_tree_is_the_flat_map_of_its_resolution():
     assert (found <= 11).sum() >= 3
     # Finer flat maps take longer than they tell.
     for level in found[found <= 11]:
-        flat = UniformShadowMap(1 << int(level), "both")
+        flat = UniformShadowMap(1 << int(level), compare="both")
         expected = flat.visibility(flat.build(case.eye, case.frame, case.rays), case.eye.points)
         served = log2 == level
         np.testing.assert_array_equal(lit[served], np.asarray(expected)[served])

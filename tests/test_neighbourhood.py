@@ -13,6 +13,7 @@ from test_adaptive_tree import SHAPES, grown, probes
 from test_charts import homography, placed
 
 from asmjax.geometry import Chart
+from asmjax.numerics import scalar
 from asmjax.shadow.adaptive.address import BITS
 from asmjax.shadow.adaptive.around import PagedNeighbourhood
 from asmjax.shadow.adaptive.page_table import level_of
@@ -65,7 +66,7 @@ def test_far_taps_are_answered_by_whatever_page_serves_their_place(shape):
         for depth, lit in ((own, True), (2.0 - own, False)):
             tree = Tree(entries, jnp.array(depth.reshape(shape.pages + 1, -1)), None)
             around = PagedNeighbourhood(
-                receivers, receivers.uv, address, entry, tree, BIAS, shape, False
+                receivers, receivers.uv, address, entry, tree, scalar(BIAS), shape, False
             )
             got = eqx.filter_jit(lambda around, c=columns, r=rows: around.lit(c, r))(around)
             assert (np.asarray(got) == lit).all(), (columns, rows)

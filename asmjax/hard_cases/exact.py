@@ -82,7 +82,7 @@ def dot(a: Iterable, b: Iterable) -> Exact:
     return np.asarray(first, object)
 
 
-def cross(a: Sequence, b: Sequence) -> Exact:
+def cross(a: Sequence | np.ndarray, b: Sequence | np.ndarray) -> Exact:
     """Cross product over the first axis."""
     return np.stack([
         a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]

@@ -17,7 +17,7 @@ from asmjax.experiment.bench import Bench
 from asmjax.experiment.displacement import truth_edges
 from asmjax.footprint import uv_jacobian
 from asmjax.shadow import AdaptiveShadowMap
-from asmjax.shadow.adaptive.look import MEASURES
+from asmjax.shadow.adaptive.look import MEASURES, Measure
 from asmjax.shadow.comparison import BIAS
 from asmjax.theory import mean_displacement, texel_edges
 
@@ -117,7 +117,7 @@ def evidence_of(bench: Bench, reference: AdaptiveShadowMap, seed: int = 0) -> Ev
 
 
 @eqx.filter_jit
-def _seen(points, camera, frame, offset, measure: str) -> tuple[Receivers, Array, Array]:
+def _seen(points, camera, frame, offset, measure: Measure) -> tuple[Receivers, Array, Array]:
     receivers = project(points, frame, offset)
     jacobian = uv_jacobian(points, camera, frame, receivers)
     return receivers, jacobian, MEASURES[measure](points, camera, frame, receivers)
