@@ -272,8 +272,8 @@ class ChosenMaps:
         except UseError as problem:
             if self.source is None:
                 raise
-            # Without the marks by which the command line would name its options.
-            words = str(problem).replace("`", "")
+            # As the file names it, and without the marks of options of the command line.
+            words = str(problem).replace("`memory_bytes`", "memory_mb").replace("`", "")
             raise UseError(f"settings file '{self.source}': {words}") from problem
 
 
