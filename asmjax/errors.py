@@ -2,6 +2,7 @@
 
 import difflib
 from collections.abc import Iterable
+from typing import Any, get_args
 
 
 class UseError(ValueError):
@@ -29,9 +30,9 @@ def unknown_name(kind: str, got: object, allowed: Iterable[str], remedy: str = "
     return UseError(f"unknown {kind} '{got}'; known: {known}.{hint} {remedy}".rstrip())
 
 
-def check_choice(kind: str, got: object, allowed: Iterable[str]) -> None:
-    """Raise what `unknown_name` says unless `got` is one of `allowed`."""
-    names = tuple(allowed)
+def check_choice(kind: str, got: object, choices: Any) -> None:
+    """Raise what `unknown_name` says unless `got` is one of `choices`, a `Literal`."""
+    names = get_args(choices)
     if got not in names:
         raise unknown_name(kind, got, names)
 

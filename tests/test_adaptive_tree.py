@@ -25,7 +25,7 @@ from asmjax.shadow.adaptive.look import analyse, audience_of
 from asmjax.shadow.adaptive.pool import NodePool
 from asmjax.shadow.adaptive.shape import GUARD, TreeShape, page_windows
 from asmjax.shadow.adaptive.tree import Tree, empty_tree, lookup, store_pages
-from asmjax.shadow.comparison import BIAS, Compare
+from asmjax.shadow.comparison import BIAS, Compare, pack_prim
 
 COUNT = 64
 SHAPES = (
@@ -103,7 +103,7 @@ def test_windows_cover_their_squares_and_one_texel_more(shape):
 
 
 def test_store_pages_writes_its_pages_and_no_others():
-    """Padding lands in the spare page; ids keep their low 16 bits."""
+    """Padding lands in the spare page; ids are packed."""
     shape = tree_shape(log2_node=3, pages=5)
     tree = empty_tree(shape, "both")
     rng = np.random.default_rng(0)
@@ -113,7 +113,7 @@ def test_store_pages_writes_its_pages_and_no_others():
     got_depth, got_prim = store_pages(tree.depth, tree.prim, pages, depth, prim)
     for page, k in ((3, 0), (1, 1)):
         np.testing.assert_array_equal(got_depth[page], depth[k].ravel())
-        np.testing.assert_array_equal(got_prim[page], prim[k].ravel() & 0xFFFF)
+        np.testing.assert_array_equal(got_prim[page], pack_prim(prim[k].ravel()))
     for array in (got_depth, got_prim):
         assert not np.asarray(array)[[0, 2, 4]].any()
 

@@ -269,10 +269,10 @@ def test_a_light_without_a_size_costs_nothing():
     with_area, without = (
         light_frame(one, floor(), BOUNDS) for one in (light, replace(light, area=None))
     )
-    assert len(jax.tree.leaves(without)) == 7
-    assert len(jax.tree.leaves(with_area)) == 11
+    assert len(jax.tree.leaves(without)) == 8
+    assert len(jax.tree.leaves(with_area)) == 12
     back = kept_light_frame(with_area, replace(light, area=None), floor(), BOUNDS)
-    assert len(jax.tree.leaves(back)) == 7 and back.cos_cutoff == without.cos_cutoff == -1
+    assert len(jax.tree.leaves(back)) == 8 and back.cos_cutoff == without.cos_cutoff == -1
     assert not eqx.tree_equal(with_area, without)
 
     @eqx.filter_jit

@@ -305,14 +305,15 @@ def test_what_runs_the_same_code_is_rehearsed_once(varying, monkeypatch):
 
 
 def test_other_lights_are_rehearsed_where_they_run_other_code(varying, monkeypatch):
-    """Numbers that are compiled in, as a cone's cosine, but not places, which are arrays."""
+    """Arrays of another precision, but not other places and cones: arrays of the same."""
     monkeypatch.setattr(bench_module, "_REHEARSED", set())
     bench = disc_bench(log=varying.log)
     frame = bench.frame
     for one, builds in (
         (frame, 2),
         (replace(frame, origin=frame.origin + 1e-6), 1),
-        (replace(frame, cos_cutoff=-0.5), 2),
+        (replace(frame, cos_cutoff=-0.5), 1),
+        (replace(frame, origin=frame.origin.astype(np.float32)), 2),
     ):
         varying.log.clear()
         replace(bench, frame=one).try_all([varying("a")], 1, warm_ups=0)

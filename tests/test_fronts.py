@@ -254,6 +254,6 @@ def test_what_is_not_possible_says_why():
     small = candidates(["adaptive", "uniform"], AdaptiveShadowMap(memory_bytes=2**16), 6)
     problems = [item for item in small if item.algorithm is None]
     assert [item.label for item in problems] == ["0.00390625 MB"]
-    assert "--memory-mb" in problems[0].problem
+    assert "`memory_bytes`" in problems[0].problem
     with pytest.raises(UseError, match="Did you mean 'uniform'"):
         families_of(["unifrom"])

@@ -223,6 +223,11 @@ WRONG = {
     "too large": ("uniform", {"bias": 10**400}, "allowed: a finite number"),
     "list": ("uniform", {"bias": [1]}, r"bias is \[1\]"),
     "unlisted": ("uniform", {"compare": "dept"}, "unknown compare 'dept'.*mean 'depth'"),
+    "unlisted measure": ("adaptive", {"measure": "length"}, "unknown measure 'length'; known: area, axis"),
+    "unlisted falloff": ("light-space", {"falloff": "linear"}, "unknown falloff 'linear'.*sine"),
+    "unlisted across": ("logarithmic", {"across": "z"}, "unknown across 'z'.*uniform"),
+    "unlisted warp": ("partitioned", {"warp": "psm"}, "unknown warp 'psm'.*light-space"),
+    "unlisted tuned warp": ("tuned", {"warp": "sideways"}, "unknown warp 'sideways'.*light-space"),
     "two": ("uniform", {"bias": "x", "keep": 0}, r"bias is .*numb.* keep is 0; allowed: true"),
     "refused": ("adaptive", {"node_resolution": 17}, "powers of two"),
     "pair refused": ("partitioned", {"near": 4.0, "far": 2.0}, "far beyond near"),
@@ -374,7 +379,7 @@ def test_a_limit_that_does_not_fit_is_told_in_the_words_of_its_source():
     small = AdaptiveShadowMap(memory_bytes=1000)
     with pytest.raises(UseError, match="raise `memory_bytes` or lower `node_resolution`"):
         ChosenMaps(small).check(1)
-    with pytest.raises(UseError, match="'a.toml': .*raise memory_bytes or lower node_resolution"):
+    with pytest.raises(UseError, match="'a.toml': .*raise memory_mb or lower node_resolution"):
         ChosenMaps(small, source="a.toml").check(1)
 
 

@@ -206,13 +206,14 @@ def test_a_trial_keeps_to_its_share(config, views):
 
 def test_a_share_is_a_part_of_what_is_free_or_what_was_asked_for(monkeypatch):
     monkeypatch.setattr(machine, "free_memory_bytes", lambda: 10 * 2**30)
+    monkeypatch.setattr(machine, "process_bytes", lambda: 2**30)
     found = share_of(4, None)
     assert found is not None and found.bytes == 2 * 2**30
     assert found.reason.endswith("each of 4 workers; fewer --workers have more each")
     assert share_of(4, 100.0) == share_of(0, 100.0) == Share(100 * 2**20, "--max-memory")
     assert share_of(0, None) is None
     limit = found.limit()
-    assert limit.bytes == found.bytes and 0 < limit.held < found.bytes
+    assert limit.bytes == found.bytes and limit.held == 2**30
 
 
 @pytest.mark.mitsuba

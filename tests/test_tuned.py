@@ -192,7 +192,6 @@ def test_tuning_again_is_the_same_and_traces_nothing():
     [
         ({"partitions": 0}, "partitions"),
         ({"partitions": 17}, "partitions"),
-        ({"warp": "sideways"}, "warp"),
         ({"power": 0.5}, "power"),
         ({"power": float("nan")}, "power"),
         ({"resolution": 0}, "texels a side"),

@@ -72,7 +72,7 @@ class Rectangle:
         size = math.hypot(*self.half_u) * math.hypot(*self.half_v)
         along = sum(u * v for u, v in zip(self.half_u, self.half_v, strict=True))
         require(
-            size > 0 and abs(along) <= SKEW * size,
+            bool(size > 0 and abs(along) <= SKEW * size),
             f"rectangle '{self.name}' has sides along {self.half_u} and {self.half_v}; allowed: "
             "two of some length that are perpendicular: make a parallelogram a mesh.",
         )

@@ -8,7 +8,7 @@ a depth on an inclined plane does.
 """
 
 import math
-from typing import Literal, Protocol, get_args
+from typing import Literal, Protocol
 
 import jax
 import jax.numpy as jnp
@@ -57,7 +57,7 @@ def check_test(compare: str, bias: float) -> None:
         math.isfinite(bias) and bias >= 0,
         f"a bias of {bias} is not possible; allowed: a finite number, 0 or more.",
     )
-    check_choice("compare", compare, get_args(Compare))
+    check_choice("compare", compare, Compare)
 
 
 def plane_depth(

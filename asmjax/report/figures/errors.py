@@ -88,8 +88,8 @@ def error_image(truth, visibility, valid, grow: int = 1) -> np.ndarray:
     Every error covers the square of `grow` pixels around it; where squares of both kinds meet,
     each kind keeps its own pixels.
     """
-    error = signed_error(truth, visibility, valid)
     mask = np.asarray(valid, bool)
+    error = signed_error(np.asarray(truth), np.asarray(visibility), mask)
     lit = np.where(mask, np.asarray(truth, np.float64), 0.0)[..., None]
     image = np.repeat(_SHADOW + (_LIT - _SHADOW) * lit, 3, axis=-1)
     for colour, part in ((FALSE_LIT, error), (FALSE_DARK, -error)):

@@ -6,7 +6,7 @@ from collections.abc import Hashable
 from copy import deepcopy
 from dataclasses import KW_ONLY, replace
 from functools import partial
-from typing import ClassVar, NamedTuple, get_args
+from typing import ClassVar, NamedTuple
 
 import equinox as eqx
 import jax
@@ -132,7 +132,7 @@ class AdaptiveShadowMap(ShadowAlgorithm[AdaptiveState]):
             f"finest_ratio {self.finest_ratio} must lie above 0 and not above ratio_target "
             f"{self.ratio_target}.",
         )
-        check_choice("measure", self.measure, get_args(Measure))
+        check_choice("measure", self.measure, Measure)
         require(
             self.pixel_share in (1, 2, 4, 8),
             f"a pixel share of {self.pixel_share} is not supported; allowed: 1 (every pixel), 2, "

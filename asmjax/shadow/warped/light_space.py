@@ -1,7 +1,7 @@
 """The light-space perspective shadow map: the same error at both ends."""
 
 from dataclasses import KW_ONLY
-from typing import ClassVar, Literal, get_args
+from typing import ClassVar, Literal
 
 from asmjax.buffers import EyeBuffer
 from asmjax.errors import check_choice
@@ -44,7 +44,7 @@ class LightSpaceShadowMap(ChartedShadowMap):
 
     def __check_init__(self):
         self._check()
-        check_choice("falloff", self.falloff, get_args(Falloff))
+        check_choice("falloff", self.falloff, Falloff)
 
     def most_charts(self, faces: int) -> int:
         return faces

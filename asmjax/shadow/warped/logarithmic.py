@@ -1,7 +1,7 @@
 """Logarithmic shadow maps: texels in proportion to the eye's pixels."""
 
 from dataclasses import KW_ONLY
-from typing import ClassVar, Literal, get_args
+from typing import ClassVar, Literal
 
 import numpy as np
 
@@ -42,7 +42,7 @@ class LogarithmicShadowMap(ChartedShadowMap):
 
     def __check_init__(self):
         self._check()
-        check_choice("across", self.across, get_args(Across))
+        check_choice("across", self.across, Across)
         require(
             self.ratio >= 1,
             f"a ratio of far to near of {self.ratio} is not possible; allowed: 1 or more.",

@@ -2,7 +2,7 @@
 
 import time
 from dataclasses import KW_ONLY, dataclass, replace
-from typing import ClassVar, get_args
+from typing import ClassVar
 
 import jax
 import jax.numpy as jnp
@@ -105,12 +105,12 @@ class TunedShadowMap(ChartedShadowMap):
             1 <= self.partitions <= MOST_PARTITIONS,
             f"{self.partitions} partitions are not possible; allowed: 1 to {MOST_PARTITIONS}.",
         )
-        check_choice("warp", self.warp, get_args(Warp))
+        check_choice("warp", self.warp, Warp)
         require(
             1 <= self.power <= 64,
             f"a mean of power {self.power} is not possible; allowed: 1 to 64.",
         )
-        check_choice("measure", self.measure, get_args(Measure))
+        check_choice("measure", self.measure, Measure)
 
     @property
     def name(self) -> str:

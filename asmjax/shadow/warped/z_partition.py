@@ -1,7 +1,7 @@
 """Maps partitioned along the view: cascades with practical, logarithmic or visible-depth splits."""
 
 from dataclasses import KW_ONLY, replace
-from typing import ClassVar, Literal, get_args
+from typing import ClassVar, Literal
 
 import numpy as np
 
@@ -79,7 +79,7 @@ class PartitionedShadowMap(ChartedShadowMap):
             self.far is None or self.far > (self.near or 0),
             f"splits from {self.near} to {self.far} are empty; allowed: far beyond near, or none.",
         )
-        check_choice("warp", self.warp, get_args(Warp))
+        check_choice("warp", self.warp, Warp)
 
     @property
     def name(self) -> str:
