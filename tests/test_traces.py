@@ -155,9 +155,21 @@ OTHERWISE = (
 )
 """Settings, and others that differ in numbers which decide no shape."""
 
+EVERY_DAY = (FLAT, OTHERWISE[-1][0])
+"""Of those, the ones that are not left to the longer run: each compiles for seconds."""
+
 
 @pytest.mark.parametrize(
-    ("algorithm", "other"), OTHERWISE, ids=[f"{one.name}-{min(other)}" for one, other in OTHERWISE]
+    ("algorithm", "other"),
+    [
+        pytest.param(
+            one,
+            other,
+            id=f"{one.name}-{min(other)}",
+            marks=() if one in EVERY_DAY else pytest.mark.slow,
+        )
+        for one, other in OTHERWISE
+    ],
 )
 def test_numbers_that_decide_no_shape_trace_nothing(algorithm, other):
     """Whoever sweeps a bias or a kernel would wait for a compilation at every step."""
