@@ -223,7 +223,7 @@ WRONG = {
     "too large": ("uniform", {"bias": 10**400}, "allowed: a finite number"),
     "list": ("uniform", {"bias": [1]}, r"bias is \[1\]"),
     "unlisted": ("uniform", {"compare": "dept"}, "unknown compare 'dept'.*mean 'depth'"),
-    "unlisted measure": ("adaptive", {"measure": "length"}, "unknown measure 'length'; known: area, axis"),
+    "unlisted measure": ("adaptive", {"measure": "length"}, "unknown measure 'length'.*area, axis"),
     "unlisted falloff": ("light-space", {"falloff": "linear"}, "unknown falloff 'linear'.*sine"),
     "unlisted across": ("logarithmic", {"across": "z"}, "unknown across 'z'.*uniform"),
     "unlisted warp": ("partitioned", {"warp": "psm"}, "unknown warp 'psm'.*light-space"),
