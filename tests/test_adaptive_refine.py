@@ -556,6 +556,7 @@ def test_padding_of_stores_is_small_beside_the_map(node):
     assert buckets[-1] == 1 or buckets[-1] * shape.side**2 * 8 <= 2**22
 
 
+@pytest.mark.slow
 def test_few_new_nodes_wait_for_more_but_never_long():
     """Small steps ask for a few nodes each: they wait, some frames at most, so that there are fewer
     launches than steps; a view at rest leaves nothing waiting."""

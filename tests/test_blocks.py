@@ -127,6 +127,7 @@ def test_every_comparison(compare, kinds):
     assert {kind for kind in (LIT, DARK) if found[kind]} == kinds
 
 
+@pytest.mark.slow
 def test_another_tree():
     case = closer("a4_disc_light")
     algorithm = asm(**LARGE_PAGES)

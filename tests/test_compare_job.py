@@ -193,6 +193,7 @@ def test_an_interrupt_in_python_gives_what_was_measured(monkeypatch, caplog):
 
 
 @pytest.mark.mitsuba
+@pytest.mark.slow
 def test_time_ends_it_and_a_broken_figure_loses_nothing(tmp_path, monkeypatch):
     """What time leaves out is said; numbers are on disk before a figure is drawn."""
     late = iter([False, True])
@@ -214,6 +215,7 @@ def broken(result, samples):
 
 
 @pytest.mark.mitsuba
+@pytest.mark.slow
 def test_what_cannot_be_used_is_left_out_and_said(tmp_path, monkeypatch):
     """A family that refuses the view is named once, and the others of its batch are measured."""
     from asmjax.shadow import LightSpaceShadowMap

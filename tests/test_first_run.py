@@ -23,6 +23,7 @@ def first_run(arm: str) -> dict:
 
 
 @pytest.mark.mitsuba
+@pytest.mark.slow
 def test_a_point_light_pays_nothing_for_softness():
     """Rays and traces with the soft and filtered families, and without any of them registered, each
     in a process of its own, where nothing is compiled before. No line of theirs is reached."""

@@ -154,6 +154,7 @@ def test_one_pixel_and_a_folder_used_again(tmp_path):
     assert {path.stem for path in tmp_path.glob("*.png")} == pictures(tmp_path)
 
 
+@pytest.mark.slow
 def test_the_cost_model_is_kept_and_the_report_says_so(tmp_path, monkeypatch, no_figures):
     """Measured by the first run, kept for the second with its date, measured again on request."""
     monkeypatch.setenv("ASMJAX_CACHE_DIR", str(tmp_path / "cache"))

@@ -140,6 +140,7 @@ def test_one_warp_of_a_plane_is_the_eye_s_own(toward):
     assert 0.97 * least < found.tuned < 1.03 * least < found.start / 2
 
 
+@pytest.mark.slow
 def test_a_view_without_receivers_or_with_one_depth():
     """Light that reaches nothing that is seen gives a flat map; a wall across the view has slabs
     that hold nothing."""

@@ -126,6 +126,7 @@ def test_times_are_of_the_frame_alone(resting):
     assert resting[0].adaptive.cost.seconds["id_pass"] > 0
 
 
+@pytest.mark.slow
 def test_a_moving_light_lets_nothing_rest():
     """Truth changes with it, both uniform maps are drawn, and the tree answers for the new one."""
     first = frame_input(0)
@@ -157,6 +158,7 @@ def test_a_moving_object_is_told_by_its_boxes():
         assert (method.visibility != now.truth.visibility).mean() < 0.05
 
 
+@pytest.mark.slow
 def test_warming_up_leaves_no_trace():
     """Frame 0 builds from nothing, whatever was measured to warm up."""
     walk = Walkthrough(ADAPTIVE, repeats=1)
