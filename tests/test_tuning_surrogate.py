@@ -113,7 +113,7 @@ def drawn(seed: int, **fixed) -> dict[str, np.ndarray]:
 @pytest.mark.parametrize("temperature", [TEMPERATURES[0], TEMPERATURES[-1]])
 def test_gradient_is_that_of_central_differences(losses, temperature):
     """Of each goal, to every setting and every fitted number, at 16 random points: to 1e-4 of the
-    largest derivative there (issue 5), at either end of the annealing."""
+    largest derivative there, at either end of the annealing."""
     rng = np.random.default_rng(1)
     points = rng.uniform(0.02, 0.98, (16, len(NAMES)))
     fits = 0.3 * rng.normal(size=(16, len(Fit._fields)))
