@@ -29,12 +29,14 @@ def ran(name: str) -> tuple[dict, str, list[bytes]]:
 
 
 def as_ipynb(name: str, path: Path) -> Path:
-    """Write a notebook as Jupyter keeps it; returns `path`."""
+    """Write a notebook as Jupyter keeps it, for the kernel of Python; returns `path`."""
     import nbformat.v4 as v4
 
     cells = [
         v4.new_markdown_cell(cell.text) if cell.kind == "markdown" else v4.new_code_cell(cell.text)
         for cell in render.cells(script(name))
     ]
-    path.write_text(json.dumps(v4.new_notebook(cells=cells)), encoding="utf-8")
+    # Without a kernel named, Jupyter asks for one.
+    kernel = {"kernelspec": {"name": "python3", "display_name": "Python 3"}}
+    path.write_text(json.dumps(v4.new_notebook(cells=cells, metadata=kernel)), encoding="utf-8")
     return path
