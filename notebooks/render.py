@@ -19,7 +19,7 @@ from typing import Literal
 from PIL import Image
 
 HERE = Path(__file__).parent
-NOTEBOOKS = ("first_look", "perspective_aliasing", "hard_cases", "your_own_scene")
+NOTEBOOKS = ("first_look", "perspective_aliasing", "tuning", "hard_cases", "your_own_scene")
 """In the order in which to read them."""
 
 MOST_WIDE = 1400

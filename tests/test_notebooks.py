@@ -78,3 +78,11 @@ def test_longer_notebooks_run(name, smoke):
         assert "announced" in output and "silent" not in output
     if name == "your_own_scene":
         assert "terrace" in output and output.count("unknown scene 'paper_romm'") == 1
+    if name == "tuning":
+        assert names["comparison"].best(error=0.5).trial.edge_px <= 0.5
+        assert output.count("0.1 px within a nanosecond: refused, nothing that was tried") == 1
+        found = names["tuning"].found
+        assert set(found.rivals) == {"default", "tuned", "grid_best", "random_best"}
+        assert found.tuned.objective(found.goal) <= found.default.objective(found.goal)
+        prices = [point.price for point in found.front]
+        assert prices == sorted(prices) and prices[2] == pytest.approx(found.goal.price)

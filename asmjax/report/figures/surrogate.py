@@ -80,7 +80,7 @@ def draw_surrogate(
         loc="upper left",
         ncols=len(looks),
         bbox_to_anchor=(
-            (EDGE + _LEFT - 12) / board.width,
+            EDGE / board.width,
             1 - (top + _SIDE + _BELOW - 8) / board.height,
         ),
         columnspacing=0.8,
