@@ -69,7 +69,7 @@ folder.mkdir(parents=True, exist_ok=True)
 terrace = folder / "terrace.xml"
 terrace.write_text(SCENE, encoding="utf-8")
 
-# Put the path of a scene of your own here: path = "/home/me/room/room.xml".
+# Put the path of a scene of your own here: path = "my_room/room.xml".
 path = terrace
 
 # A file from elsewhere is checked first, in a child process: docs/scene_files.md.
