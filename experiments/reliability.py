@@ -16,7 +16,6 @@ import json
 import os
 import random
 import statistics
-import subprocess
 import sys
 import time
 from collections import Counter
@@ -31,11 +30,11 @@ sys.path.insert(0, str(ROOT / "tests"))
 from cluster.cutting import cut_off  # noqa: E402
 from cluster.namespaces import Network, NoNetwork  # noqa: E402
 from cluster.page import DEADLINE, SECONDS, bounds, document  # noqa: E402
+from helpers.sweep_disk import NoDisks, on_full_disks  # noqa: E402
 from helpers.sweep_processes import seconds_until_gone, starts_after_kept  # noqa: E402
 from helpers.sweep_runs import (  # noqa: E402
     driven,
     driver,
-    environment,
     killing,
     median_rate,
     scratch,
@@ -152,19 +151,11 @@ class Study:
     def full_disks(self) -> None:
         """A sweep on disks of every size, and of every number of files, up to what it needs."""
         with scratch() as folder:
-            words = ["unshare", "--mount", sys.executable, "-m", "helpers.sweep_disk"]
             try:
-                done = subprocess.run(
-                    [*words, str(folder / "disk")],
-                    capture_output=True, text=True, env=environment(),
-                )  # fmt: skip
-            except FileNotFoundError:
-                self.found["left_out"]["disks"] = "there is no `unshare`"
+                disks = on_full_disks(folder / "disk")
+            except NoDisks as problem:
+                self.found["left_out"]["disks"] = str(problem)
                 return
-        if done.returncode:
-            self.found["left_out"]["disks"] = done.stderr.strip().splitlines()[-1]
-            return
-        disks = [json.loads(line) for line in done.stdout.splitlines()]
         full = [one for one in disks if one["told"] is not None]
         places = Counter(place_of(one["told"]) for one in full)
         self.found["disks"] = {

@@ -1,12 +1,10 @@
 """Sweeps in workers of dask: a crash costs one trial, kills cost nothing, and nobody is left."""
 
 import http.client
-import json
 import queue
 import random
 import socket
 import ssl
-import subprocess
 import sys
 import time
 from collections import Counter
@@ -16,8 +14,9 @@ from unittest.mock import Mock
 import pytest
 from distributed import Future, LocalCluster
 from helpers import sweep_runs
+from helpers.sweep_disk import NoDisks, on_full_disks
 from helpers.sweep_processes import MARK, seconds_until_gone, starts_after_kept
-from helpers.sweep_runs import driven, driver, environment, killing, statuses
+from helpers.sweep_runs import driven, driver, killing, statuses
 from helpers.sweep_trials import FakeTrial, fake_trials, run, sleepers
 from test_sweep_driver import LONG, keys, swept
 
@@ -211,14 +210,10 @@ def test_a_poison_costs_only_itself(tmp_path, do, status):
 @pytest.mark.slow
 def test_a_disk_of_any_size_that_gets_full_loses_nothing(tmp_path):
     """Every place where a sweep writes is one where some of these disks are full."""
-    words = ["unshare", "--mount", sys.executable, "-m", "helpers.sweep_disk", str(tmp_path)]
     try:
-        done = subprocess.run(words, capture_output=True, text=True, env=environment())
-    except FileNotFoundError:
-        pytest.skip("disks cannot be mounted: there is no `unshare`")
-    if done.returncode:
-        pytest.skip(f"disks cannot be mounted: {done.stderr.strip()[-200:]}")
-    disks = [json.loads(line) for line in done.stdout.splitlines()]
+        disks = on_full_disks(tmp_path)
+    except NoDisks as problem:
+        pytest.skip(f"disks cannot be mounted: {problem}")
     full = [one["told"] for one in disks if one["told"] is not None]
     assert len(full) > 20
     assert all(f"cannot write '{tmp_path}/sweep" in told for told in full)

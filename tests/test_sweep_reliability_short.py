@@ -13,8 +13,9 @@ from pathlib import Path
 
 import dask.config
 import pytest
+from helpers.sweep_disk import NoDisks, on_full_disks
 from helpers.sweep_processes import MARK, seconds_until_gone, starts_after_kept
-from helpers.sweep_runs import driven, driver, environment, killing, statuses, swept
+from helpers.sweep_runs import driven, driver, killing, statuses, swept
 from helpers.sweep_tls import certified, configured, program
 from helpers.sweep_trials import fake_trials, sleepers
 
@@ -46,14 +47,10 @@ def test_a_killed_driver_and_killed_workers_lose_nothing(tmp_path, monkeypatch):
 
 def test_disks_that_get_full_lose_nothing(tmp_path):
     """Every ninth size and number of files up to what the sweep needs."""
-    words = ["unshare", "--mount", sys.executable, "-m", "helpers.sweep_disk", str(tmp_path), "9"]
     try:
-        done = subprocess.run(words, capture_output=True, text=True, env=environment())
-    except FileNotFoundError:
-        pytest.skip("disks cannot be mounted: there is no `unshare`")
-    if done.returncode:
-        pytest.skip(f"disks cannot be mounted: {done.stderr.strip()[-200:]}")
-    disks = [json.loads(line) for line in done.stdout.splitlines()]
+        disks = on_full_disks(tmp_path, 9)
+    except NoDisks as problem:
+        pytest.skip(f"disks cannot be mounted: {problem}")
     full = [one["told"] for one in disks if one["told"] is not None]
     assert {name for one in disks for name in one["limit"]} == {"size", "nr_inodes"}
     assert len(full) > 3 and all(f"cannot write '{tmp_path}/sweep" in told for told in full)
