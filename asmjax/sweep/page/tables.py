@@ -1,7 +1,7 @@
 """The tables of a sweep: how its trials ended, which are best, and which failed and why."""
 
 from collections import Counter
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 from asmjax.report.page.markup import Markup, joined, tag
 from asmjax.report.page.tables import table
@@ -20,7 +20,7 @@ _MOST_ROWS = 100
 _MOST_LETTERS = 500
 """Of a cause."""
 
-ENDS = {
+ENDS: Mapping[str, str] = {
     End.DONE: "done",
     End.FAILED: "failed",
     End.CRASHED: "crashed",
@@ -32,7 +32,7 @@ ENDS = {
 
 def end_words(status: str) -> str:
     """How a trial ended; as it stands there where that is not known."""
-    return ENDS.get(status, status)  # type: ignore[call-overload]
+    return ENDS.get(status, status)
 
 
 def ends_table(swept: Swept, known: Collection[str]) -> Markup:
