@@ -10,11 +10,12 @@ from asmjax.buffers import Receivers
 from asmjax.errors import UseError
 from asmjax.scene.spec import LightSpec, Rectangle, ViewSpec
 from asmjax.tuning import evidence as evidence_module
-from asmjax.tuning import front as front_module
+from asmjax.tuning import sensitivity as sensitivity_module
 from asmjax.tuning.evidence import DEEPEST, GAPS, LEAST_SPAN, SPANS, evidence_of
-from asmjax.tuning.front import direction, sensitivity, trace_front
+from asmjax.tuning.front import trace_front
 from asmjax.tuning.goal import Goal
 from asmjax.tuning.search import Model, boxed, said_of, search, unboxed
+from asmjax.tuning.sensitivity import direction, sensitivity
 from asmjax.tuning.space import NAMES
 
 SIDE = 48
@@ -259,8 +260,8 @@ def stand_in(monkeypatch):
     def said_of(model, points):
         return np.array([_stand_in(model, point, None) for point in points]).T
 
-    monkeypatch.setattr(front_module, "said_of", said_of)
-    monkeypatch.setattr(front_module, "loss", loss)
+    monkeypatch.setattr(sensitivity_module, "said_of", said_of)
+    monkeypatch.setattr(sensitivity_module, "loss", loss)
     with jax.enable_x64(True):
         yield Model((), (), (), jnp.ones(0), jnp.ones(9), jnp.full(9, np.e**2), RULES)
 
@@ -299,7 +300,7 @@ def test_what_does_nothing_does_not_move(stand_in, monkeypatch):
         edge = (WEIGHT * jnp.exp(-FALL * point))[:8].sum()
         return jnp.log(edge + jnp.exp(log_value) * jnp.exp(CLIMB * point)[:8].sum())
 
-    monkeypatch.setattr(front_module, "loss", loss)
+    monkeypatch.setattr(sensitivity_module, "loss", loss)
 
     # Of another structure, so that it is compiled anew.
     step, settled = direction(stand_in._replace(fits=(EXPECTED,)), 0.1, optimum(0.1))

@@ -129,7 +129,7 @@ TUNING_KEYS: Mapping[str, Key] = {
             "price": Key("amount", "of a second, pixels"),
             "settings": Key("any object", "the surrogate's best, between steps, by name"),
             **_SAID,
-            "gap": Key("number", "objective of the curve / of a search from elsewhere - 1"),
+            "gap": Key("number", "objective of the curve / of tuning's own search - 1"),
             "taken_over": Key("flag", "whether that search was better, and the point is its"),
         },
         "the surrogate's best settings for other prices; empty without a price",

@@ -1,25 +1,14 @@
-"""How the best settings move with the price: sensitivity, and a front by continuation."""
+"""The best settings over the price: a front by continuation, beside searches at each price."""
 
-import equinox as eqx
-import jax
-import jax.numpy as jnp
 import numpy as np
 from scipy.stats import qmc
 
 from asmjax.numerics import in_float64
 from asmjax.tuning.goal import Goal
-from asmjax.tuning.proposals import promising
+from asmjax.tuning.proposals import fresh_search
 from asmjax.tuning.result import FrontPoint, Sensitivity
-from asmjax.tuning.search import (
-    REST,
-    Found,
-    Model,
-    boxed,
-    loss,
-    said_of,
-    search,
-    unboxed,
-)
+from asmjax.tuning.search import Found, Model, boxed, said_of, search, unboxed
+from asmjax.tuning.sensitivity import direction, sensitivity
 from asmjax.tuning.space import NAMES, values_at
 from asmjax.tuning.surrogate import TEMPERATURE
 
@@ -28,17 +17,6 @@ SPAN = 4.0
 
 POINTS = 5
 """Prices of the front, evenly in the logarithm."""
-
-SMALL = 1e-4
-"""Steps of central differences, of unconstrained numbers and of log price."""
-
-FLAT = 1e-3
-"""Directions in which the objective bends less than this part of the most do not move: settings
-that do nothing there have no best value."""
-
-STARTS = 2
-"""Of the searches at each price that continuation is compared with, as of tuning's own: of the best
-measured, and of the best by the surrogate."""
 
 OWN_STARTS, OWN_FOLLOWED = 12, 4
 """Of continuation's searches at each price, and how many are gone on with."""
@@ -71,67 +49,6 @@ COOLING = (2 * TEMPERATURE, TEMPERATURE)
 """Temperatures of a search that may leave it."""
 
 
-@eqx.filter_jit
-def _slope(model, log_price, free, temperature):
-    return jax.grad(lambda free: loss(model, "price", log_price, boxed(free), temperature))(free)
-
-
-def _bends(model: Model, price: float, free: np.ndarray):
-    """Slope (knobs,) of the loss, its Hessian, and how the slope moves with log price: central
-    differences of the gradient, as second derivatives take two seconds to trace and 40 slopes a
-    tenth of one."""
-
-    def slope(log_price: float, free: np.ndarray) -> np.ndarray:
-        found = _slope(model, jnp.asarray(log_price), jnp.asarray(free), jnp.asarray(TEMPERATURE))
-        return np.asarray(found)
-
-    def change(ahead: np.ndarray, behind: np.ndarray) -> np.ndarray:
-        return (ahead - behind) / (2 * SMALL)
-
-    at = float(np.log(price))
-    steps = SMALL * np.eye(free.size)
-    bend = np.stack([change(slope(at, free + step), slope(at, free - step)) for step in steps])
-    pull = change(slope(at + SMALL, free), slope(at - SMALL, free))
-    return slope(at, free), bend, pull
-
-
-@in_float64
-def direction(model: Model, price: float, point: np.ndarray) -> tuple[np.ndarray, bool]:
-    """d free / d log price (knobs,) at an optimum, by the implicit function theorem; and whether
-    it is one.
-
-    Where the gradient G(x, p) of the loss is 0, dx/dp = -H^-1 dG/dp with the Hessian H; of its
-    eigenvectors only those count along which the loss bends upwards and not too little (`FLAT`).
-    """
-    slope, bend, pull = _bends(model, price, unboxed(point))
-    if not all(np.isfinite(part).all() for part in (slope, bend, pull)):
-        return np.zeros_like(pull), False
-    values, vectors = np.linalg.eigh(0.5 * (bend + bend.T))
-    least = FLAT * max(values.max(), 1e-12)
-    firm = values > least
-    step = -vectors[:, firm] @ ((vectors[:, firm].T @ pull) / values[firm])
-    return step, bool(np.linalg.norm(slope) < REST and values.min() > -least)
-
-
-@in_float64
-def sensitivity(model: Model, price: float, point: np.ndarray) -> Sensitivity:
-    """How the best settings move with the price, at the optimum `point` (knobs,) for it."""
-    free = unboxed(point)
-    step, settled = direction(model, price, point)
-    ahead, behind = (np.asarray(boxed(free + way * SMALL * step)) for way in (1, -1))
-    moved = (ahead - behind) / (2 * SMALL)
-    logs = np.log(said_of(model, np.stack([ahead, behind])))
-    log_edge, log_seconds = (logs[:, 0] - logs[:, 1]) / (2 * SMALL)
-    width = np.log(np.asarray(model.high) / np.asarray(model.low))
-    return Sensitivity(
-        price=price,
-        log_settings=dict(zip(NAMES, (moved * width).tolist(), strict=True)),
-        log_edge=float(log_edge),
-        log_seconds=float(log_seconds),
-        settled=settled,
-    )
-
-
 @in_float64
 def trace_front(
     model: Model, price: float, tried: np.ndarray, seed: int = 0
@@ -142,8 +59,9 @@ def trace_front(
     Each next optimum is predicted by the last one's sensitivity and corrected by searches, from
     there and from the best known points for its price, and the ends of all searches for other
     prices are tried at each, as a curve may fold. It is compared with searching each price anew
-    as tuning does; of what that finds the curve knows the middle and, at each price, that of the
-    others. Where the search anew is better it stands in the curve's place.
+    as tuning does, from those measured that the surrogate prefers; of what that finds the curve
+    knows the middle and, at each price, that of the others. Where the search anew is better it
+    stands in the curve's place.
 
     Args:
         tried: (k, knobs) points that were measured.
@@ -152,7 +70,10 @@ def trace_front(
     prices = price * np.geomspace(1 / SPAN, SPAN, POINTS)
     drawn = qmc.Sobol(len(NAMES), seed=seed)  # pyright: ignore[reportCallIssue]
     known = _Screened(model, tried)
-    again = [_anew(model, known, one, seed) for one in prices.tolist()]
+    again = [
+        fresh_search(model, Goal(price=one), [*known.points[known.ordered(one)]], seed)
+        for one in prices.tolist()
+    ]
     generator = np.random.default_rng(seed)
     known.add(model, _to_ends(drawn.random(SCREENED), ENDS, generator))
     _breed(model, known, prices, generator)
@@ -190,13 +111,6 @@ class _Screened:
                 if all(np.linalg.norm(point - other) >= apart for other in chosen):
                     chosen.append(point)
         return chosen
-
-
-def _anew(model: Model, tried: _Screened, price: float, seed: int) -> Found:
-    """The search that tuning would do for a price."""
-    goal = Goal(price=price)
-    best = tried.points[tried.ordered(price)[:STARTS]]
-    return search(model, goal, [*best, *promising(model, goal, STARTS, seed)])
 
 
 def _breed(

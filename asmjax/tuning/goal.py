@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from asmjax.errors import require
@@ -98,9 +99,9 @@ class Goal:
 def smooth_objective(
     kind: str,
     log_value: Float[Array, ""] | float,
-    edge_px: Float[Array, ""],
-    seconds: Float[Array, ""],
-) -> Float[Array, ""]:
+    edge_px: Float[Array, "*points"] | Float[np.ndarray, "*points"],
+    seconds: Float[Array, "*points"] | Float[np.ndarray, "*points"],
+) -> Float[Array, "*points"]:
     """A differentiable stand-in for a goal's objective, in logarithms: what a search minimises.
 
     Args:

@@ -6,11 +6,14 @@ import numpy as np
 from scipy.stats import qmc
 
 from asmjax.tuning.goal import Goal, smooth_objective
-from asmjax.tuning.search import Model, said_of
+from asmjax.tuning.search import Found, Model, said_of, search
 from asmjax.tuning.space import Space
 
 STEP = (0.12, 0.3)
 """Of the range of a setting, to its neighbours."""
+
+STARTS = 2
+"""Of each search: of the best known, and of the best by the surrogate."""
 
 SCREENED = 256
 """Random points of which a search of the surrogate starts from the best."""
@@ -38,6 +41,12 @@ def promising(model: Model, goal: Goal, count: int, seed: int) -> list[np.ndarra
     # By its old name: SciPy's stubs know `rng` only, SciPy 1.14 `seed` only.
     drawn = qmc.Sobol(len(model.low), seed=seed)  # pyright: ignore[reportCallIssue]
     return preferred(model, goal, [*drawn.random(SCREENED)])[:count]
+
+
+def fresh_search(model: Model, goal: Goal, best: Sequence[np.ndarray], seed: int) -> Found:
+    """Search the surrogate from the first of `best`, points (knobs,), and from its own best of
+    random ones."""
+    return search(model, goal, [*best[:STARTS], *promising(model, goal, STARTS, seed)])
 
 
 def at_ends(space: Space, point: np.ndarray) -> np.ndarray:

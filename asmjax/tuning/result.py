@@ -89,7 +89,7 @@ class FrontPoint:
         settings: continuous, by name.
         edge_px, seconds: by the surrogate.
         loss: log objective of the curve by continuation.
-        loss_again: log objective of a search from elsewhere; where it is less, this point is its.
+        loss_again: log objective of tuning's own search; where it is less, this point is its.
     """
 
     price: float

@@ -29,22 +29,20 @@ from asmjax.tuning.finals import finalists, measured_finals
 from asmjax.tuning.front import trace_front
 from asmjax.tuning.goal import LEAST_PX, Goal
 from asmjax.tuning.proposals import (
+    STARTS,
     around,
     at_ends,
     distinct,
     extremes,
+    fresh_search,
     plainer,
     preferred,
-    promising,
 )
 from asmjax.tuning.result import Candidate, FrontPoint, Outcome, Sensitivity, TuneResult, best_of
 from asmjax.tuning.rivals import drawn, grid, grid_size
-from asmjax.tuning.search import Model, model_of, said_of, search
+from asmjax.tuning.search import Model, model_of, said_of
 from asmjax.tuning.space import space_of
 from asmjax.tuning.tried import RIVALS, Tried
-
-STARTS = 2
-"""Of each search: of the best measured, and of the best by the surrogate."""
 
 LEAST_WEIGHT = 0.3
 """Of a trial in the fit, however far from the best."""
@@ -230,9 +228,7 @@ class Tuner:
         steps, of ends of the box, and of what is beside the best so far."""
         space, goal = self.space, self.goal
         best = [one.point for one in self.tried.first(self.tried.own, STARTS)]
-        found = search(
-            model, goal, [*best, *promising(model, goal, STARTS, self.seed + number)]
-        )  # fmt: skip
+        found = fresh_search(model, goal, best, self.seed + number)
         self._settled = bool(found.settled[0])
         ends = [at_ends(space, end) for end in found.points]
         default = space.point(self.base)
