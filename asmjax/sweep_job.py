@@ -4,6 +4,7 @@ import logging
 import sys
 import time
 from collections import Counter
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -73,7 +74,15 @@ def run_sweep_job(options: SweepOptions) -> SweepSummary | None:
         outputs.forget()
         # One that is killed leaves a report too.
         write_summary(summary, folder, command)
-        result = _run(sweep, store, options)
+        try:
+            result = _run(sweep, store, options)
+        except UseError as problem:
+            # Where the disk is full nothing more can be told; what ended the sweep is.
+            with suppress(UseError):
+                result = _ended_by(problem, summary.result, sweep, stored_rows(folder), options)
+                summary = replace(summary, result=result, seconds=time.monotonic() - start)
+                write_summary(summary, folder, command)
+            raise
         summary = replace(summary, result=result, seconds=time.monotonic() - start)
         write_summary(summary, folder, command)
     _raise_if_left(result, folder)
@@ -126,6 +135,17 @@ def _begun(sweep: Sweep, rows: list[Row], options: SweepOptions) -> SweepResult:
         skipped=tuple(known),
         failed={key: row.error for key, row in known.items() if row.status != End.DONE},
         left=tuple(key for key in wanted if key not in settled),
+    )
+
+
+def _ended_by(
+    problem: UseError, begun: SweepResult, sweep: Sweep, rows: list[Row], options: SweepOptions
+) -> SweepResult:
+    """What there is after an error that no trial is to blame for."""
+    now = _begun(sweep, rows, options)
+    done = tuple(key for key in now.skipped if key not in begun.skipped and key not in now.failed)
+    return replace(
+        now, status=SweepStatus.FAILED, done=done, skipped=begun.skipped, cause=str(problem)
     )
 
 

@@ -14,7 +14,7 @@ from asmjax.report.keys import key_paths
 from asmjax.report.provenance import provenance
 from asmjax.sweep.driver import SweepResult, SweepStatus
 from asmjax.sweep.schema import SWEEP_KEYS
-from asmjax.sweep.store import BASE, stored_rows
+from asmjax.sweep.store import BASE, Store, StoreError, stored_rows
 from asmjax.sweep.summary import causes
 from asmjax.sweep.trial import Outcome
 from asmjax.sweep_job import run_sweep_job
@@ -134,6 +134,23 @@ def test_what_is_left_is_told(status, raised, said, asked, monkeypatch, tmp_path
     with pytest.raises(raised, match=said):
         run_sweep_job(asked(quiet=True))
     assert json.loads((tmp_path / "out/report.json").read_text())["left"] == 2
+
+
+def test_a_sweep_that_fails_is_not_said_to_run(asked, trials, monkeypatch, tmp_path):
+    """An error that no trial is to blame for: the report counts what was kept, and says why."""
+    add, kept = Store.add, []
+
+    def full(*row, **named):
+        if kept:
+            raise StoreError("the disk is full")
+        kept.append(add(*row, **named))
+
+    monkeypatch.setattr(Store, "add", full)
+    with pytest.raises(UseError, match="the disk is full"):
+        run_sweep_job(asked(quiet=True))
+    report = json.loads((tmp_path / "out/report.json").read_text(encoding="utf-8"))
+    assert report["status"] == "failed" and report["cause"] == "the disk is full"
+    assert report["done"] == 1 and report["left"] == 2 and not report["skipped"]
 
 
 def test_many_failures_are_told_by_their_causes():

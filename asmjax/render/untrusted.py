@@ -210,7 +210,7 @@ class Trial:
             self.close()
             raise UseError(
                 f"{what} took Mitsuba's loader more than {seconds:.0f} s, which its files are too "
-                "small for; mend the scene."
+                "small for; mend the scene, or load it while the machine does less."
             ) from problem
         if answer is None:
             raise UseError(

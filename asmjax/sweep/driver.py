@@ -28,6 +28,7 @@ class SweepStatus(enum.Enum):
     INTERRUPTED = "interrupted"
     LOST = "lost the scheduler"
     ALONE = "without workers"
+    FAILED = "failed"
 
 
 @dataclass(frozen=True)
@@ -68,7 +69,7 @@ class SweepResult:
         skipped: trials that were known and not run again, ended well or not.
         failed: trials that did not end well, in this run or before, and why.
         left: trials that are still to be run.
-        cause: why no worker was there, where it ended without; empty otherwise.
+        cause: why no worker was there, where it ended without, or what it failed by; else empty.
     """
 
     status: SweepStatus

@@ -18,7 +18,10 @@ SWEEP_KEYS = {
     ),
     "file": Key("text", "the sweep file"),
     "name": Key("text", "of the sweep"),
-    "status": Key("text", "running, complete, interrupted, lost the scheduler, or without workers"),
+    "status": Key(
+        "text", "running, complete, interrupted, lost the scheduler, without workers, or failed"
+    ),
+    "cause": Key("text", "what it was ended by, where it failed or was without workers; or empty"),
     "trials": Key("count", "of the sweep"),
     "keys": Key("text list", "of its trials, in the order in which they are run"),
     "merged": Key("count", "combinations that came to the same trial as another one"),

@@ -50,6 +50,7 @@ class SweepSummary:
             "file": self.file,
             "name": self.sweep.name,
             "status": result.status.value,
+            "cause": result.cause,
             "trials": len(self.sweep.trials),
             "keys": [trial.key for trial in self.sweep.trials],
             "merged": self.sweep.merged,

@@ -27,6 +27,7 @@ _UNFINISHED = {
     SweepStatus.INTERRUPTED.value: "the last run was interrupted",
     SweepStatus.LOST.value: "the last run lost its scheduler",
     SweepStatus.ALONE.value: "the last run ended without workers",
+    SweepStatus.FAILED.value: "the last run failed",
 }
 
 
