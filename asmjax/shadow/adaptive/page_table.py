@@ -51,13 +51,18 @@ def find_entries(
     row, column = index_at(y, shape.log2_top), index_at(x, shape.log2_top)
     entry = take(entries, (((face << shape.log2_top) + row) << shape.log2_top) + column)
     for k in range(1, shape.steps + 1):
-        shift = BITS - shape.log2_top - LOG2_TABLE * k
-        inside = (((y >> shift) & (_SIDE - 1)) << LOG2_TABLE) + ((x >> shift) & (_SIDE - 1))
-        table = shape.top_entries + (~entry << (2 * LOG2_TABLE))
-        # Where a page is found already, the same entry is read again and again: it is in the cache.
-        below = take(entries, jnp.where(entry < 0, table + inside, 0))
-        entry = jnp.where(entry < 0, below, entry)
+        shift = np.int32(BITS - shape.log2_top - LOG2_TABLE * k)
+        entry = _entry_below(entries, entry, x, y, shift, first=shape.top_entries)
     return entry
+
+
+@partial(jax.jit, static_argnames="first")  # traced once for all steps
+def _entry_below(entries, entry, x, y, shift, *, first: int):
+    inside = (((y >> shift) & (_SIDE - 1)) << LOG2_TABLE) + ((x >> shift) & (_SIDE - 1))
+    table = first + (~entry << (2 * LOG2_TABLE))
+    # Where a page is found already, the same entry is read again and again: it is in the cache.
+    below = take(entries, jnp.where(entry < 0, table + inside, 0))
+    return jnp.where(entry < 0, below, entry)
 
 
 def take(table, index):
