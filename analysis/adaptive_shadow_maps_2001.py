@@ -17,12 +17,11 @@ import jax
 import numpy as np
 from asm2001.paper import PAPER, bounds_of, bounds_table, document
 
-from asmjax.cli.caches import enable_compilation_cache
+from asmjax.cli import prepare_to_measure
 from asmjax.experiment import measure, measure_rays
 from asmjax.experiment.growth import Growth, GrowthPoint, growth_point, with_cold_in_turns
 from asmjax.experiment.maps import answered_resolution
 from asmjax.experiment.traces import counted_traces
-from asmjax.machine import keep_freed_memory
 from asmjax.options import RunOptions
 from asmjax.report.figures import RunPictures
 from asmjax.report.figures.beside import draw_beside
@@ -260,8 +259,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("out/adaptive_shadow_maps_2001"))
     parser.add_argument("--quick", action="store_true", help="tiny sizes: tries it out in seconds")
     options = parser.parse_args()
-    enable_compilation_cache()
-    keep_freed_memory()
+    prepare_to_measure()
     record = run(options.out, QUICK if options.quick else Sizes())
     print(bounds_table(bounds_of(record)))
     print(f"report and figures: {options.out}/report.md")

@@ -18,8 +18,7 @@ from tr05 import accuracy_steps, aliasing_steps, cost_steps, gradient_steps, the
 from tr05.paper import bounds_of, bounds_table
 from tr05.sizes import QUICK, Analysis, Sizes
 
-from asmjax.cli.caches import enable_compilation_cache
-from asmjax.machine import keep_freed_memory
+from asmjax.cli import prepare_to_measure
 
 THEORY: dict[str, Callable[[Analysis], None]] = {
     "equations": theory_steps.equations,
@@ -60,8 +59,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("out/subdivided_shadow_maps_tr05"))
     parser.add_argument("--quick", action="store_true", help="small sizes: tries it out")
     options = parser.parse_args()
-    enable_compilation_cache()
-    keep_freed_memory()
+    prepare_to_measure()
     record = run(options.out, QUICK if options.quick else Sizes())
     print(bounds_table(bounds_of(record)))
     print(f"report and figures: {options.out}/report.md")

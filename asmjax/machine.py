@@ -1,6 +1,7 @@
 """The machine that asmjax runs on, told without importing anything heavy."""
 
 import ctypes
+import gc
 import os
 import platform
 import sys
@@ -149,6 +150,16 @@ def keep_freed_memory() -> bool:
         return False
     _keeps = all([mallopt(what, _KEPT_BYTES) == 1 for what in (_TRIM_THRESHOLD, _MMAP_THRESHOLD)])
     return _keeps
+
+
+def collect_rarely() -> None:
+    """Let Python look for cycles among its objects far less often.
+
+    JAX makes hundreds of thousands of them as it traces, next to none in cycles; looking through
+    them again and again takes a twentieth of a search's time, at moments that no timed run can
+    choose. Changes the whole process, so a library user must ask for it.
+    """
+    gc.set_threshold(50_000, 20, 50)
 
 
 def keeps_freed_memory() -> bool:

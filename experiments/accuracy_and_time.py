@@ -23,11 +23,10 @@ import jax
 import numpy as np
 from scipy.stats import qmc, spearmanr
 
-from asmjax.cli.caches import enable_compilation_cache
+from asmjax.cli import prepare_to_measure
 from asmjax.experiment.bench import Bench
 from asmjax.experiment.bounds import Bound
 from asmjax.experiment.ledger import Ledger
-from asmjax.machine import keep_freed_memory
 from asmjax.options import TuneOptions
 from asmjax.preparation import bench_of, calibrated
 from asmjax.render.load import load_scene
@@ -389,8 +388,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("out/accuracy_and_time"))
     parser.add_argument("--scenes", nargs="+", default=list(SCENES), choices=SCENES)
     arguments = parser.parse_args()
-    enable_compilation_cache()
-    keep_freed_memory()
+    prepare_to_measure()
     scenes = tuple(arguments.scenes[:1] if arguments.smoke else arguments.scenes)
     study = Study(arguments.out, scenes, arguments.smoke)
     study.record.run(study.steps())

@@ -28,7 +28,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from asmjax.buffers import EyeBuffer, seen_points
-from asmjax.cli.caches import enable_compilation_cache
+from asmjax.cli import prepare_to_measure
 from asmjax.effects import TOLERANCE
 from asmjax.effects.decide import MAP_TEXELS
 from asmjax.effects.methods import soft_methods
@@ -39,7 +39,6 @@ from asmjax.experiment import in_turns, median_of, ratio_of, timed
 from asmjax.experiment.bounds import Bound
 from asmjax.experiment.traces import counted_traces
 from asmjax.geometry.area_light import sun_light
-from asmjax.machine import keep_freed_memory
 from asmjax.main_job import measure_scene
 from asmjax.options import RunOptions
 from asmjax.planning import asked_of, plan_effects
@@ -396,8 +395,7 @@ def main() -> None:
     parser.add_argument("--only", nargs="+", metavar="STEP", help="these steps alone")
     parser.add_argument("--docs", action="store_true", help="write docs/images/skipped.png too")
     arguments = parser.parse_args()
-    enable_compilation_cache()
-    keep_freed_memory()
+    prepare_to_measure()
     study = Study(arguments.out, arguments.smoke)
     steps = study.steps()
     chosen = {name: steps[name] for name in arguments.only or steps}

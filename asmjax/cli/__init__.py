@@ -130,12 +130,13 @@ def prepared(arguments: list[str]):
 
 
 def prepare_to_measure() -> None:
-    """Keep compiled code between calls, and freed memory within this one."""
+    """Keep compiled code between calls, and freed memory within this one; seldom pause."""
     from asmjax.cli.caches import enable_compilation_cache
-    from asmjax.machine import keep_freed_memory
+    from asmjax.machine import collect_rarely, keep_freed_memory
 
     enable_compilation_cache()
     keep_freed_memory()
+    collect_rarely()
 
 
 def load(reference: str):
