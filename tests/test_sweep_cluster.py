@@ -6,6 +6,7 @@ import random
 import socket
 import ssl
 import sys
+import threading
 import time
 from collections import Counter
 from typing import Any
@@ -15,7 +16,7 @@ import pytest
 from distributed import Future, LocalCluster
 from helpers import sweep_runs
 from helpers.sweep_disk import NoDisks, on_full_disks
-from helpers.sweep_processes import MARK, seconds_until_gone, starts_after_kept
+from helpers.sweep_processes import MARK, seconds_until_gone, starts_after_kept, victims
 from helpers.sweep_runs import driven, driver, killing, statuses
 from helpers.sweep_trials import FakeTrial, fake_trials, run, sleepers
 from test_sweep_driver import LONG, keys, swept
@@ -189,6 +190,30 @@ def test_killed_workers_lose_nothing(tmp_path, monkeypatch):
     assert found.status == SweepStatus.COMPLETE and set(found.done) == set(keys(trials))
     assert min(kills["trial"], kills["worker"]) >= 2
     assert starts_after_kept(log, trials, kept) == 0
+
+
+def test_workers_that_are_killed_as_they_start_are_started_again(tmp_path, monkeypatch):
+    """The first eight, which are hardly processes yet: dask gives up each of them."""
+    monkeypatch.setenv(MARK, str(tmp_path))
+    killed, over = set(), threading.Event()
+
+    def kill() -> None:
+        while len(killed) < 8 and not over.wait(0.02):
+            for worker in victims(str(tmp_path))["worker"]:
+                if worker.pid not in killed and len(killed) < 8:
+                    worker.kill()
+                    killed.add(worker.pid)
+
+    killer = threading.Thread(target=kill)
+    killer.start()
+    try:
+        trials = sleepers(6, 0.1, str(tmp_path / "log"))
+        found = sweep_runs.swept(tmp_path / "s", trials, alone_s=60.0)
+    finally:
+        over.set()
+        killer.join()
+    assert len(killed) == 8 and found.status == SweepStatus.COMPLETE
+    assert statuses(tmp_path / "s") == Counter(done=6)
 
 
 @pytest.mark.slow

@@ -13,7 +13,7 @@ import time
 import uuid
 import warnings
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from multiprocessing import resource_tracker
 from pathlib import Path
 from typing import Any
@@ -22,6 +22,7 @@ import cloudpickle
 import dask.config
 from distributed import Client, KilledWorker, LocalCluster, Security
 from distributed.client import Future
+from distributed.core import Status
 from distributed.utils import silence_logging_cmgr
 
 from asmjax.errors import UseError
@@ -75,10 +76,11 @@ class Workers:
         self._rounds: Counter[str] = Counter()
         self._retired: set[str] = set()
         self._threads, self._counted = 0, -COUNT
+        self._wanted = workers if address is None else 0
         with contextlib.ExitStack() as opening:
             # It is looked at between trials: in the middle of what dask does it could be lost.
             self._raise_if_interrupted = opening.enter_context(interruption_waits())
-            self._client = opening.enter_context(
+            self._client, self._refill = opening.enter_context(
                 _own_cluster(workers) if address is None else _connected(address)
             )
             self._open = opening.pop_all()
@@ -99,6 +101,9 @@ class Workers:
         if time.monotonic() - self._counted >= COUNT:
             with self._lost_when_closed():
                 self._threads = sum(self._usable().values())
+                # Those that were sent away would fail again.
+                if self._threads < self._wanted and not self._retired:
+                    self._refill()
             self._counted = time.monotonic()
         return self._threads
 
@@ -209,9 +214,10 @@ class Workers:
 
 
 @contextlib.contextmanager
-def _own_cluster(workers: int) -> Iterator[Client]:
-    """A client of a cluster on this machine: no dashboard, one thread a worker, and only on the
-    loopback, where nobody else of this machine has the certificates."""
+def _own_cluster(workers: int) -> Iterator[tuple[Client, Callable[[], None]]]:
+    """A client of a cluster on this machine, and what starts workers that are missing there: no
+    dashboard, one thread a worker, and only on the loopback, where nobody else of this machine has
+    the certificates."""
     settings = dask.config.set(
         {
             # Dask would set variables of this process, and so of all that it starts later.
@@ -227,8 +233,22 @@ def _own_cluster(workers: int) -> Iterator[Client]:
         with _deaf():
             cluster = _cluster()
         with cluster, Client(cluster, set_as_default=False) as client:
+            loop = cluster.loop
+            assert loop is not None  # it runs since the cluster was made
             cluster.scale(workers)
-            yield client
+            yield client, lambda: loop.add_callback(_refill, cluster, workers)
+
+
+def _refill(cluster: LocalCluster, workers: int) -> None:
+    """Have workers started that nobody starts again, in the thread of `cluster`.
+
+    Dask starts one that is killed, but gives it up if that was as it started, or if it then takes
+    long to come back. Those that are about to start are left alone.
+    """
+    for name, worker in [*cluster.workers.items()]:
+        if worker.status in (Status.closed, Status.failed):
+            del cluster.workers[name]
+    cluster.scale(workers)
 
 
 def _cluster() -> LocalCluster:
@@ -262,8 +282,8 @@ def _deaf() -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def _connected(address: str) -> Iterator[Client]:
-    """A client of somebody's scheduler."""
+def _connected(address: str) -> Iterator[tuple[Client, Callable[[], None]]]:
+    """A client of somebody's scheduler, whose workers are theirs to start."""
     security = Security()
     if address.startswith("tls://"):
         check_certificates(security)
@@ -276,4 +296,4 @@ def _connected(address: str) -> Iterator[Client]:
         ) from problem
     # What comes and goes is the driver's to tell.
     with silence_logging_cmgr(logging.CRITICAL), client:
-        yield client
+        yield client, lambda: None
