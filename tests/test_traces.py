@@ -1,7 +1,7 @@
 """Nothing is traced twice: one trace per shape, and none in a second frame of the same size.
 
-Tracing costs more than a whole pass of refinement , so a value that slips into
-the static part of an argument would spoil every timing. JAX reports each trace to its monitor.
+Tracing costs more than a whole pass of refinement, so a value that slips into the static part of an
+argument would spoil every timing. JAX reports each trace to its monitor.
 """
 
 from dataclasses import replace
@@ -141,6 +141,30 @@ def test_a_walk_towards_the_sky_traces_nothing_after_its_warm_up():
             state = adaptive.update(state, eye, frame, rays)
             adaptive.visibility(state, eye.points).block_until_ready()
     assert traced == []
+
+
+def test_what_is_rehearsed_traces_nothing_whatever_its_goals():
+    """Under a limit of time a build that traces gets nowhere; it would be judged by that."""
+    case = analytic_case("a6_sphere", 64)
+    base = AdaptiveShadowMap(memory_bytes=MEMORY, pixel_share=4, cost_model=MODEL)
+    base.visibility(base.rehearse(case.eye, case.frame, case.rays), case.eye.points)
+    program, made = base.program(case.frame), []
+    with counted_traces() as traced:
+        for goals in (
+            {},
+            {"ratio_target": 0.25},
+            {"ratio_target": 4.0, "finest_ratio": 4.0},
+            {"cover": False},
+            {"least_profit": 1e-3},
+            {"time_limit": 0.02},
+        ):
+            one = replace(base, **goals)
+            assert one.program(case.frame) == program
+            state = one.build(case.eye, case.frame, case.rays)
+            one.visibility(state, case.eye.points).block_until_ready()
+            made.append(one.cost(state).nodes.made)
+    assert traced == []
+    assert len(set(made)) > 3, "the goals are not heard of"
 
 
 FLAT = UniformShadowMap(32)

@@ -224,11 +224,18 @@ class AdaptiveShadowMap(ShadowAlgorithm[AdaptiveState]):
         return shape, looks, self if grows else None
 
     def rehearse(self, view: EyeBuffer, frame: LightFrame, rays: LightRays) -> AdaptiveState:
-        """With fine goals, no limit of time, and looks at all, many and few pixels."""
+        """With fine goals, no limit of time, and looks at all, many and few pixels.
+
+        One pass of a stage runs what all of them run, but where a tree grows from pass to pass.
+        """
+        grows = self.memory_bytes > FIRST_BYTES
         free = replace(
-            self, time_limit=None, least_profit=0.0, ratio_target=1.0, finest_ratio=1 / 64
-        )
+            self,
+            time_limit=None, least_profit=0.0, ratio_target=1.0, finest_ratio=1 / 64,
+            max_passes=self.max_passes if grows else 1,
+        )  # fmt: skip
         state = free.build(view, frame, rays)
+        warm_tables(state.shape)
         everyone = compile_looks(
             state.tree, view, frame, self.goals,
             shape=state.shape, measure=self.measure, share=1,
