@@ -72,7 +72,7 @@ def document(record: Mapping[str, Any]) -> str:
 
 
 def _kills(found: Mapping[str, Any]) -> str:
-    return f"{found['trials']:,} trials in {found['sweeps']} sweeps"
+    return f"{found['trials']:,} trials in {found['sweeps']} sweep{'s' * (found['sweeps'] > 1)}"
 
 
 WORDS: dict[str, Callable[[Any], list[str]]] = {
@@ -82,7 +82,7 @@ WORDS: dict[str, Callable[[Any], list[str]]] = {
         "were killed (SIGKILL), one in five 0.2 to 4 s after its start, the others up to 0.1 s "
         "after 1 to 60 trials more were kept; the same command was then given again, until the "
         "sweep was complete. All processes were gone "
-        f"within {found['gone_seconds']:.1f} s.",
+        f"within {found['gone_seconds']:.2f} s.",
     ],
     "workers": lambda found: [
         "## Killed workers", "",
