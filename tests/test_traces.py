@@ -162,7 +162,9 @@ def test_what_is_rehearsed_traces_nothing_whatever_its_goals():
             assert one.program(case.frame) == program
             state = one.build(case.eye, case.frame, case.rays)
             one.visibility(state, case.eye.points).block_until_ready()
-            made.append(one.cost(state).nodes.made)
+            nodes = one.cost(state).nodes
+            assert nodes is not None
+            made.append(nodes.made)
     assert traced == []
     assert len(set(made)) > 3, "the goals are not heard of"
 
