@@ -152,16 +152,15 @@ def keep_freed_memory() -> bool:
     return _keeps
 
 
-def collect_rarely() -> None:
-    """Let Python look for cycles among its objects far less often.
-
-    JAX makes hundreds of thousands of them as it traces, next to none in cycles; looking through
-    them again and again takes a twentieth of a search's time, at moments that no timed run can
-    choose. Changes the whole process, so a library user must ask for it.
-    """
-    gc.set_threshold(50_000, 20, 50)
-
-
 def keeps_freed_memory() -> bool:
     """Whether `keep_freed_memory` was called with success: times differ by it."""
     return _keeps
+
+
+def collect_rarely() -> None:
+    """Let Python look for cycles among its objects far less often.
+
+    JAX makes hundreds of thousands of them as it traces; looking through them again and again
+    takes a twentieth of a search's time, at moments that no timed run can choose. Changes the whole process, so a library user must ask for it.
+    """
+    gc.set_threshold(50_000, 20, 50)

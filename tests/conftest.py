@@ -32,7 +32,7 @@ if "ASMJAX_TEST_SCRATCH" not in os.environ:
         quick = "--xla_backend_optimization_level=0 --xla_llvm_disable_expensive_passes=true"
         os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} {quick}".strip()
 
-# A tenth of a run went into looking for cycles among what JAX makes as it traces.
+# A tenth of some files' time went into looking for cycles among what JAX makes as it traces.
 gc.set_threshold(50_000, 20, 50)
 
 # Compilation happens inside an example, so a deadline per example would measure the compiler.

@@ -76,7 +76,7 @@ class Workers:
         self._rounds: Counter[str] = Counter()
         self._retired: set[str] = set()
         self._threads, self._counted = 0, -COUNT
-        self._wanted = workers if address is None else 0
+        self._wanted = workers
         with contextlib.ExitStack() as opening:
             # It is looked at between trials: in the middle of what dask does it could be lost.
             self._raise_if_interrupted = opening.enter_context(interruption_waits())

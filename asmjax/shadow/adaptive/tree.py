@@ -89,7 +89,7 @@ def serve(shape: TreeShape, tree: Tree, receivers: Receivers, address: Address):
     return find_entries(shape, tree.entries, receivers.face, (address.x, address.y))
 
 
-@partial(jax.jit, static_argnames=("shape", "perspective"))
+@partial(jax.jit, static_argnames=("shape", "perspective"))  # traced once for all taps
 def page_outcome(
     shape: TreeShape,
     tree: Tree,
