@@ -160,7 +160,8 @@ def keeps_freed_memory() -> bool:
 def collect_rarely() -> None:
     """Let Python look for cycles among its objects far less often.
 
-    JAX makes hundreds of thousands of them as it traces; looking through them again and again
-    takes a twentieth of a search's time, at moments that no timed run can choose. Changes the whole process, so a library user must ask for it.
+    JAX makes hundreds of thousands of them as it traces; looking through them again and again takes
+    a twentieth of a search's time, at moments that no timed run can choose. Changes the whole
+    process, so a library user must ask for it.
     """
     gc.set_threshold(50_000, 20, 50)
