@@ -266,6 +266,8 @@ def test_everything_is_finite(depth, truth, ours, valid):
     of length does not count."""
     pairs = surface_pairs(valid, depth)
     found = error_summary(truth, ours, valid, pairs)
+    length = boundary_length(boundary_edges(truth, pairs))
+    assert error_summary(truth, ours, valid, pairs, length) == found
     numbers = [*found["boundary_displacement_px"].values(), found["misclassified_fraction"]]
     assert np.isfinite(numbers).all()
     if depth.min() > 1e-300:

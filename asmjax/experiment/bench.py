@@ -92,7 +92,8 @@ class Bench:
         """The errors of an image (n,), as `asmjax.metrics.error_summary`."""
         eye = self.eyes[0]
         truth, image = self.truth.reshape(eye.size), visibility.reshape(eye.size)
-        return error_summary(truth, image, eye.valid.reshape(eye.size), self._pairs)
+        valid = eye.valid.reshape(eye.size)
+        return error_summary(truth, image, valid, self._pairs, self.edge_length)
 
     def shadow_rays(self, rounds: int, ledger: Ledger | None = None) -> Trial:
         """The yardstick itself, tried like an algorithm."""

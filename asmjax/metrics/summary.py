@@ -12,13 +12,14 @@ def error_summary(
     visibility: Shaped[np.ndarray, "height width"],
     valid: Bool[np.ndarray, "height width"],
     pairs: SurfacePairs,
+    length: float | None = None,
 ) -> dict:
     """The `error` entry of a method: plain floats, fractions of valid pixels and pixels.
 
     Arguments and errors as `boundary_displacement`.
     """
     image = visibility_error(truth, visibility, valid)
-    edges = boundary_displacement(truth, visibility, valid, pairs)
+    edges = boundary_displacement(truth, visibility, valid, pairs, error=image, length=length)
     return {
         "misclassified_fraction": image.misclassified_fraction,
         "false_lit_fraction": image.false_lit_fraction,

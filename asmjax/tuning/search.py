@@ -29,9 +29,6 @@ RESTARTS = 2
 """Of a search that is not at rest after its last steps, with nothing remembered of the bends of its
 way there: narrow valleys turn."""
 
-SHORT = 12
-"""Of those searches of which the best alone are gone on with."""
-
 EDGE = 4.0
 """Unconstrained numbers act as if they ended here, where 0.982 of the way to an end of the box is
 made. The last bit is left out: there a search would creep, and an end itself is tried as such."""
@@ -147,7 +144,7 @@ def boxed(free):
 
 
 @eqx.filter_jit
-def _descend(model, kind: str, log_value, start, temperature, steps: int):
+def _descend(model, kind: str, log_value, start, temperature):
     """Where a search at one temperature ends, the loss there, and how steep it is."""
     import optimistix as optx  # 0.3 s: only who tunes pays for it
 
@@ -156,7 +153,7 @@ def _descend(model, kind: str, log_value, start, temperature, steps: int):
     def at(free, _):
         return loss(model, kind, log_value, boxed(free), temperature)
 
-    found = optx.minimise(at, solver, start, max_steps=steps, throw=False)
+    found = optx.minimise(at, solver, start, max_steps=STEPS, throw=False)
     end = jnp.where(at(found.value, None) <= at(start, None), found.value, start)
     value, slope = jax.value_and_grad(at)(end, None)
     return end, value, jnp.linalg.norm(slope)
@@ -174,13 +171,13 @@ def search(
     loss of infinity, and is not settled.
 
     Args:
-        followed: how many of the searches are gone on with after `SHORT` steps at the first
-            temperature, the best ones; all, and with all their steps, if None.
+        followed: how many of the searches, the best ones, are gone on with after the first
+            temperature; all if None.
     """
     log_value = jnp.log(goal.value)
 
-    def descend(free, temperature, steps=STEPS):
-        end = _descend(model, goal.kind, log_value, free, jnp.asarray(temperature), steps)
+    def descend(free, temperature):
+        end = _descend(model, goal.kind, log_value, free, jnp.asarray(temperature))
         return jax.block_until_ready(end)
 
     def cooled(free):
@@ -197,7 +194,7 @@ def search(
 
     free = [jnp.asarray(unboxed(start)) for start in starts]
     if followed is not None:
-        ends = _side_by_side(lambda start: descend(start, temperatures[0], SHORT), free)
+        ends = _side_by_side(lambda start: descend(start, temperatures[0]), free)
         losses = np.array([float(end[1]) for end in ends])
         order = np.argsort(np.where(np.isfinite(losses), losses, np.inf), kind="stable")
         free, temperatures = [ends[k][0] for k in order[:followed]], temperatures[1:]
