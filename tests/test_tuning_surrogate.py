@@ -21,6 +21,7 @@ from asmjax.tuning.surrogate import (
     TEMPERATURE,
     Fit,
     Rules,
+    _waves,
     predict,
 )
 
@@ -318,3 +319,11 @@ def test_a_fit_that_cannot_settle_says_so(said, evidence):
     assert np.isfinite(lost.correction.weights).all()
     calm = calibrated_fit(evidence, SPACE, points, error, seconds)
     assert calm.settled and all(abs(float(number)) < 0.01 for number in calm.fit)
+
+
+def test_sines_of_multiples_are_those_of_the_angle(dtype):
+    x = jnp.asarray(np.random.default_rng(0).uniform(-9, 9, (3, 20)), dtype)
+    for k, wave in enumerate(_waves(x), start=1):
+        np.testing.assert_allclose(
+            wave, np.sin(2 * np.pi * k * np.asarray(x, np.float64)), atol=300 * jnp.finfo(dtype).eps
+        )

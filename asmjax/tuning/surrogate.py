@@ -44,8 +44,9 @@ START_LOG2 = 9.0
 COARSE_LOG2 = 2.0
 """log2 of texel / matched texel that coverage of all receivers is content with."""
 
-TABLES = 0.15
-"""Natural logarithm of the nodes that fit with cells of a side / with twice as many."""
+TABLES = 0.4
+"""Natural logarithm of the nodes that fit with cells of a side / with twice as many. A path down
+takes a table every three levels of 2: where nodes share none it is ln 2, where they are dense 0."""
 
 GREED = 0.5
 """Part of the edges that a part of their nodes serves, as an exponent: most profitable first."""
