@@ -6,7 +6,7 @@ prices), the time that `asmjax tune` takes, the front by continuation, and repla
 
     python experiments/accuracy_and_time.py [--smoke] [--out DIR] [--scenes NAME ...]
 
-Takes about 25 minutes on 2 cores. Times decide, so nothing else may run beside it.
+Takes about 20 minutes on 2 cores. Times decide, so nothing else may run beside it.
 Scenes that the project did not make are left out where absent (docs/other_scenes.md).
 """
 
@@ -15,7 +15,7 @@ import gc
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -27,6 +27,7 @@ from asmjax.cli import prepare_to_measure
 from asmjax.experiment.bench import Bench
 from asmjax.experiment.bounds import Bound
 from asmjax.experiment.ledger import Ledger
+from asmjax.experiment.trial import Trial
 from asmjax.options import TuneOptions
 from asmjax.preparation import bench_of, calibrated
 from asmjax.render.load import load_scene
@@ -37,8 +38,10 @@ from asmjax.tune_job import chosen_views, held_out_benches
 from asmjax.tuning.calibrate import calibrated_fit
 from asmjax.tuning.evidence import evidence_of
 from asmjax.tuning.goal import Goal
+from asmjax.tuning.result import Candidate, TuneResult
 from asmjax.tuning.search import Model, loss, model_of, said_of
 from asmjax.tuning.space import Space
+from asmjax.tuning.tried import settings_key
 from asmjax.tuning.tuner import Tuner
 
 SCENES = ("paper_room", "terrain", "munich", "breakfast_room", "victorian_house")
@@ -59,7 +62,8 @@ RANDOM = 100
 """Settings that are ranked."""
 
 KNOWN = 100
-"""Settings that the surrogate is fitted to before it ranks as many others; a search measures 70."""
+"""Random settings that the surrogate is fitted to, beside all that the searches measured, before it
+ranks as many others."""
 
 ROUNDS = 5
 """Runs of each setting that is ranked: where a limit of time ends a build, errors differ from run
@@ -142,15 +146,16 @@ class Study:
             self.record.record.setdefault("left_out", []).append(f"{name}: {why_left_out(name)}")
             return
         ledger = Ledger(self.folder / f"{name}.jsonl")
-        space = None
+        results = []
         for price in PRICES:
-            space = self.tuned(subject, price, ledger).space
+            results.append(self.tuned(subject, price, ledger))
             self.record.write()
-        if name in RANKED and space is not None:
-            self.ranked(subject, space, ledger)
+        if name in RANKED:
+            searched = [one for result in results for one in result.tried]
+            self.ranked(subject, results[0].space, ledger, searched)
         gc.collect()
 
-    def tuned(self, subject: Subject, price: float, ledger: Ledger):
+    def tuned(self, subject: Subject, price: float, ledger: Ledger) -> TuneResult:
         """One search; its rivals on the held-out views, and the gaps of its front."""
         result = tuner(subject, price, ledger).run()
         rivals = {
@@ -183,8 +188,11 @@ class Study:
         self.record.record.setdefault("tuned", []).append(entry)
         return result
 
-    def ranked(self, subject: Subject, space: Space, ledger: Ledger) -> None:
-        """Random settings by the surrogate, fitted to others, and as measured; and the gradient."""
+    def ranked(
+        self, subject: Subject, space: Space, ledger: Ledger, searched: Sequence[Candidate]
+    ) -> None:
+        """Random settings by the surrogate, fitted to all others, and as measured; and the
+        gradient."""
         bench = subject.benches[0]
         drawn = qmc.Sobol(len(space.knobs), seed=11)  # pyright: ignore[reportCallIssue]
         points = drawn.random(256)[: self.known + self.random]
@@ -197,24 +205,28 @@ class Study:
             for k in self.record.bar(order, f"{subject.name}: random settings")
         }
         trials = [measured[k] for k in range(len(points))]
-        points = np.stack([space.snapped(point) for point in points])
-        edge = np.array([trial.edge_px for trial in trials])
-        seconds = np.array([trial.total.value for trial in trials])
+        points = [space.snapped(point) for point in points]
+        asked = {settings_key(space.algorithm(point)) for point in points[self.known :]}
+        others = {settings_key(one.algorithm): one for one in searched}
+        known = [
+            *zip(points[: self.known], trials, strict=False),
+            *((one.point, one.trials[0]) for key, one in others.items() if key not in asked),
+        ]
         evidence = evidence_of(bench, subject.base)
-        known = slice(self.known)
         with jax.enable_x64(True):
-            fit = calibrated_fit(evidence, space, points[known], edge[known], seconds[known])
+            places = np.stack([point for point, _ in known])
+            fit = calibrated_fit(evidence, space, places, *_measured([one for _, one in known]))
             model = model_of([evidence], [fit], space)
-            guessed = said_of(model, points[self.known :])
-            deviation = gradient_deviation(model, points)
-        real = np.stack([edge, seconds])[:, self.known :]
+            guessed = said_of(model, np.stack(points[self.known :]))
+            deviation = gradient_deviation(model, np.stack(points))
+        real = _measured(trials[self.known :])
         correlations = {
             f"{price:g}": _spearman(_objective(guessed, price), _objective(real, price))
             for price in (PRICE, *PRICES)
         }
         self.record.record.setdefault("ranked", {})[subject.name] = {
             "settings": self.random,
-            "fitted_to": self.known,
+            "fitted_to": len(known),
             "spearman_by_price": correlations,
             "spearman_error": _spearman(guessed[0], real[0]),
             "spearman_seconds": _spearman(guessed[1], real[1]),
@@ -246,6 +258,11 @@ class Study:
             "same": sum(one == same for one in chosen),
             "measured_again": made,
         }
+
+
+def _measured(trials: Sequence[Trial]) -> np.ndarray:
+    """(2, k) edge_px and seconds."""
+    return np.array([(trial.edge_px, trial.total.value) for trial in trials]).T
 
 
 def tuner(subject: Subject, price: float, ledger: Ledger) -> Tuner:
