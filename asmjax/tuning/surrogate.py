@@ -213,12 +213,15 @@ def predict(
     crowd = jnp.exp(_between(log_all, start + cells * level - node))
     size = evidence.all_log2_ratio - start - cells * level
     share = settings["pixel_share"]
-    part, _ = nodes_of(crowd / share, size, share)
-    covering = rules.cover * evidence.receivers * jnp.mean(made_at(0.0, level) * part / crowd)
+    part, worth = nodes_of(crowd / share, size, share)
+    coarser = made_at(0.0, level)
+    covering = rules.cover * evidence.receivers * jnp.mean(coarser * part / crowd)
     # It may take a quarter of what the first texels leave.
     room = _above(pages / roots - 1, 0.05) * roots * COVER_SHARE
     covers = rules.cover / (1 + (covering / room) ** 4) ** 0.25
     covering = covering * covers
+    # Edges lie where receivers do: as many of them are in nodes that are worth their cost.
+    covers = covers * jnp.sum(coarser * worth) / (jnp.sum(coarser) + 1e-3)
 
     # Then along the edges: texels that match, and from there pass by pass to the finest.
     begun = evidence.log2_ratio - start
