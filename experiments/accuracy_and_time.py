@@ -216,7 +216,7 @@ class Study:
         asked = {settings_key(space.algorithm(point)) for point in points[self.known :]}
         others = {settings_key(one.algorithm): one for one in searched}
         known = [
-            *zip(points[: self.known], trials, strict=False),
+            *zip(points[: self.known], trials[: self.known], strict=True),
             *((one.point, one.trials[0]) for key, one in others.items() if key not in asked),
         ]
         evidence = evidence_of(bench, subject.base)

@@ -243,6 +243,25 @@ def test_maps_that_do_not_cover_make_no_nodes_for_it(said):
     assert (covering > 1.5 * roots).all()
 
 
+def test_nodes_that_profit_forbids_cover_no_edge(said):
+    """A map that would cover its receivers, but whose nodes are not worth it, has the errors of one
+    that does not cover."""
+    wide = {**FREE, "ratio_target": 0.5, "finest_ratio": 0.5, "node_resolution": 16.0}
+    wide["discontinuity"] = 1e3
+
+    def gain(least: float) -> np.ndarray:
+        """Error where receivers are covered / where not."""
+        at = drawn(4, **{**wide, "least_profit": least})
+        covering, bare = (
+            said(at, rules=RULES._replace(cover=cover), temperature=1e-2)[ERROR]
+            for cover in (1.0, 0.0)
+        )
+        return covering / bare
+
+    assert (gain(1e-6) < 0.7).all()
+    np.testing.assert_allclose(gain(1e12), 1.0, rtol=1e-6)
+
+
 def test_texels_of_fewer_bytes_are_more_nodes(said):
     """Half the bytes of a texel are twice the memory, up to what a page needs besides."""
     limited = drawn(5, **{**FREE, "memory_bytes": 2.0**21, "ratio_target": 0.5})

@@ -198,8 +198,8 @@ def predict(
         return occupied * worth, worth
 
     def up(*octaves):
-        """Levels that the start is deepened by for resolutions so many octaves (n,) above its own,
-        each a row of one array: in loops over rows little is left to do again (`_waves`)."""
+        """Levels (rows, n) that the start is deepened by for resolutions so many octaves above its
+        own, a row (n,) each."""
         return _above(_whole(jnp.stack(octaves) / cells, 0.3 * t), 0.1)
 
     def made_at(above, below):
@@ -314,7 +314,7 @@ def _whole(x: Float[Array, "rows n"], width) -> Float[Array, "rows n"]:
 def _waves(x: Float[Array, "rows n"]) -> tuple[Float[Array, "rows n"], ...]:
     """sin 2 pi k x for k = 1, 2, 3."""
     # Row by row in a loop: XLA's CPU backend takes a sine anew for each use of what comes of it,
-    # fourteen times here, which was half of the time of a search.
+    # fourteen times here, which was more than half of the time of a gradient.
     sine, cosine = jax.lax.map(lambda row: (jnp.sin(row), jnp.cos(row)), 2 * jnp.pi * x)
     return sine, 2 * sine * cosine, sine * (3 - 4 * sine**2)
 
