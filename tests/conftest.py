@@ -27,9 +27,12 @@ if "ASMJAX_TEST_SCRATCH" not in os.environ:
     os.environ["JAX_COMPILATION_CACHE_DIR"] = os.path.join(_scratch, "jax")
     os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0.1"
     os.environ["JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES"] = "-1"
-    # A quarter less of it; the longer profiles compile as users do.
+    # A third as long; the longer profiles compile as users do.
     if PROFILE == "fast":
-        quick = "--xla_backend_optimization_level=0 --xla_llvm_disable_expensive_passes=true"
+        quick = (
+            "--xla_backend_optimization_level=0 --xla_llvm_disable_expensive_passes=true "
+            "--xla_cpu_use_fusion_emitters=false --xla_cpu_parallel_codegen_split_count=1"
+        )
         os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} {quick}".strip()
 
 # A tenth of some files' time went into looking for cycles among what JAX makes as it traces.
@@ -57,6 +60,21 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Slow files first, each in its own order."""
     rank = {name: k for k, name in enumerate(SLOW_FILES)}
     items.sort(key=lambda item: rank.get(item.path.stem, len(rank)))
+
+
+def pytest_collection_finish() -> None:
+    """Modules stay: garbage is not looked for among what they made."""
+    gc.freeze()
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> None:
+    """Tidy up between files."""
+    if nextitem is None or nextitem.path != item.path:
+        # Once the tests' modules are there: it imports what they are to find instrumented.
+        from helpers.housekeeping import between_files
+
+        between_files()
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:

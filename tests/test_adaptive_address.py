@@ -9,11 +9,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers.analytic_cases import unit_frame
-from helpers.poses import KINDS, Kind, random_pose, surface_points
+from helpers.poses import KINDS, Kind, projected, random_pose, surface_points
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from asmjax.buffers import SurfacePoints, anchor, light_offset, project
+from asmjax.buffers import SurfacePoints, anchor
 from asmjax.geometry import LightFrame
 from asmjax.shadow.adaptive.address import (
     BITS,
@@ -34,12 +34,11 @@ COUNT = 32
 """Coordinates per example: one shape, one compilation."""
 
 
-_project = eqx.filter_jit(project)
 _address_of = eqx.filter_jit(address_of)
 
 
 def addressed(points: SurfacePoints, frame: LightFrame):
-    receivers = _project(points, frame, light_offset(points, frame))
+    receivers = projected(points, frame)
     return receivers, _address_of(points, anchor(points, frame), receivers, frame.perspective)
 
 
@@ -257,7 +256,7 @@ def test_rounding_never_leaves_the_image(dtype):
         position, 0 * position, jnp.zeros(3, jnp.int32), jnp.ones(3, bool), np.zeros(3)
     )
     frame = unit_frame(True)
-    receivers = _project(points, frame, light_offset(points, frame))
+    receivers = projected(points, frame)
     held = eqx.tree_at(lambda r: r.facing, receivers, jnp.ones(3, bool))
     address = _address_of(points, anchor(points, frame), held, True)
     last, middle = 2**BITS - 1, 2 ** (BITS - 1)

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers.analytic_cases import analytic_case
+from helpers.poses import projected
 from helpers.registry import FAST, NEVER
 from helpers.slow_tree import (
     address_at,
@@ -19,7 +20,6 @@ from helpers.slow_tree import (
     tree_shape,
 )
 
-from asmjax.buffers import light_offset, project
 from asmjax.shadow import AdaptiveShadowMap, UniformShadowMap
 from asmjax.shadow.adaptive.look import analyse, audience_of
 from asmjax.shadow.adaptive.pool import NodePool
@@ -38,7 +38,6 @@ SHAPES = (
 each_shape = pytest.mark.parametrize("shape", SHAPES, ids=["c2", "c4", "c8"])
 
 _lookup = eqx.filter_jit(lookup)
-_project = eqx.filter_jit(project)
 
 
 def grown(shape: TreeShape, seed: int) -> NodePool:
@@ -120,7 +119,7 @@ def test_store_pages_writes_its_pages_and_no_others():
 
 def flat_twin(case, resolution):
     """What the flat map says about the receivers' stencils, and whose stencils are comparable."""
-    receivers = _project(case.eye.points, case.frame, light_offset(case.eye.points, case.frame))
+    receivers = projected(case.eye.points, case.frame)
     flat = UniformShadowMap(resolution, compare="both")
     straddles = flat.straddling(flat.build(case.eye, case.frame, case.rays), receivers)
     # The flat map repeats its border texels where the tree has a guard band; and receivers within

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 from helpers.analytic_cases import analytic_case
+from helpers.poses import projected
 
-from asmjax.buffers import light_offset, project
 from asmjax.experiment.aliasing import AliasingMaps, aliasing_maps, aliasing_numbers
 from asmjax.experiment.maps import analysis_maps
 from asmjax.shadow import SubdividedShadowMap, UniformShadowMap
@@ -33,7 +33,7 @@ def test_a_warped_maps_texels_are_those_that_a_step_in_the_image_passes():
     state = algorithm.build(case.eye, case.frame, case.rays)
     maps = aliasing_maps(algorithm, state, case.eye, case.frame)
     points = case.eye.points
-    uv = np.asarray(project(points, case.frame, light_offset(points, case.frame)).uv)
+    uv = np.asarray(projected(points, case.frame).uv)
     density = np.asarray(algorithm.density(state, points))
     image = (2, *case.eye.size)
     # By differences in the image: the texels between two neighbours.

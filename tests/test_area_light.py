@@ -8,10 +8,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers.analytic_cases import analytic_case
+from helpers.poses import projected
 from hypothesis import given
 from hypothesis import strategies as st
 
-from asmjax.buffers import eye_buffer, light_offset, project
+from asmjax.buffers import eye_buffer
 from asmjax.errors import UseError
 from asmjax.experiment.traces import counted_traces
 from asmjax.geometry import (
@@ -307,7 +308,7 @@ def test_hard_shadows_of_flat_lights_are_on_their_front():
     for one, expected in ((light, below), (replace(light, area=None), np.ones(81, bool))):
         frame = light_frame(one, wall, BOUNDS)
         np.testing.assert_array_equal(in_domain(frame, wall.world), expected)
-        receivers = project(wall.points, frame, light_offset(wall.points, frame))
+        receivers = projected(wall.points, frame)
         np.testing.assert_array_equal(receivers.facing, expected)
 
 

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from helpers.poses import KINDS, Kind, Pose, random_pose
 
-from asmjax.buffers import light_offset, project
 from asmjax.footprint import LOG2_WORST, log2_perspective_error, m
 
 
@@ -46,14 +45,13 @@ def slow_error(pose: Pose, density: np.ndarray, face: np.ndarray) -> np.ndarray:
     return np.array(result)
 
 
+_error = eqx.filter_jit(log2_perspective_error)
+
+
 def error_of(pose: Pose, density, dtype: type[np.floating] = np.float64) -> np.ndarray:
     points = pose.points(dtype)
-    receivers = project(points, pose.frame, light_offset(points, pose.frame))
-    return np.asarray(
-        log2_perspective_error(
-            points, pose.camera, pose.frame, receivers, jnp.asarray(density, dtype)
-        )
-    )
+    density = jnp.asarray(density, dtype)
+    return np.asarray(_error(points, pose.camera, pose.frame, pose.receivers(dtype), density))
 
 
 @pytest.mark.parametrize("kind", KINDS)

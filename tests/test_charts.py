@@ -103,17 +103,24 @@ def test_planes_and_images_are_inverse():
         np.testing.assert_allclose(there @ back, np.eye(3), atol=1e-12)
 
 
+@eqx.filter_jit
+def places(points, frame, offset, where, table, depth):
+    """Receivers, the chart of each and whether there is one, and their places."""
+    receivers = project(points, frame, offset)
+    chart, found = chart_of(table, receivers, depth)
+    place = place_in(table, chart, points, receivers, where, frame.perspective)
+    return receivers, chart, found, place
+
+
 def placed(name: str, charts: list[Chart], side: int = 24):
     """Receivers of an analytic scene, the charts with texels, and the places of the former."""
     case = analytic_case(name, side)
-    held = laid_out(charts, 64**2)
-    offset = light_offset(case.eye.points, case.frame)
-    receivers = project(case.eye.points, case.frame, offset)
-    table = table_of(padded(held, len(charts) + 1))
-    depth = jnp.asarray(np.where(case.eye.valid, case.eye.depth, 0.0), receivers.depth.dtype)
-    chart, found = chart_of(table, receivers, depth)
-    where = anchor(case.eye.points, case.frame)
-    place = place_in(table, chart, case.eye.points, receivers, where, case.frame.perspective)
+    held, points = laid_out(charts, 64**2), case.eye.points
+    depth = jnp.asarray(np.where(case.eye.valid, case.eye.depth, 0.0), points.position.dtype)
+    receivers, chart, found, place = places(
+        points, case.frame, light_offset(points, case.frame), anchor(points, case.frame),
+        table_of(padded(held, len(charts) + 1)), depth,
+    )  # fmt: skip
     return held, receivers, np.asarray(chart), np.asarray(found), place
 
 
@@ -184,15 +191,15 @@ def test_the_first_chart_that_holds_a_receiver_counts():
 def test_places_have_gradients_of_positions_without_nan():
     """Where receivers face no light, too."""
     case = analytic_case("a6_sphere_sun", 12)
+    offset, where = light_offset(case.eye.points, case.frame), anchor(case.eye.points, case.frame)
+    table = table_of(laid_out([Chart(0, homography(1), 5.0)], 400))
 
+    @jax.jit
     def total(position):
         points = eqx.tree_at(lambda p: p.position, case.eye.points, position)
-        receivers = project(points, case.frame, light_offset(points, case.frame))
-        table = table_of(laid_out([Chart(0, homography(1), 5.0)], 400))
-        chart, _ = chart_of(table, receivers, receivers.depth)
-        where = anchor(points, case.frame)
-        place = place_in(table, chart, points, receivers, where, case.frame.perspective)
+        depth = jnp.ones(points.count, position.dtype)
+        place = places(points, case.frame, offset, where, table, depth)[3]
         return jnp.sum(place.offset) + jnp.sum(place.per_texel)
 
-    gradient = jax.grad(total)(case.eye.points.position)
+    gradient = jax.jit(jax.grad(total))(case.eye.points.position)
     assert np.isfinite(np.asarray(gradient)).all() and np.abs(np.asarray(gradient)).max() > 0

@@ -6,9 +6,9 @@ import pytest
 from helpers.analytic_cases import analytic_case
 from helpers.effort import effort
 from helpers.planes import Plane, square_light, surface_points, tilted, vector
+from helpers.poses import projected
 from helpers.slow_tree import receivers_at
 
-from asmjax.buffers import light_offset, project
 from asmjax.errors import UseError
 from asmjax.scene.analytic_rays import AnalyticRays
 from asmjax.scene.spec import Rectangle
@@ -37,7 +37,7 @@ def visibility(shapes, frame, points, resolution, compare: Compare = "depth"):
     eye = analytic_case("a4_disc_light", 8).eye
     state = algorithm.build(eye, frame, AnalyticRays(shapes))
     lit = np.asarray(algorithm.visibility(state, points))
-    return lit, state, project(points, frame, light_offset(points, frame))
+    return lit, state, projected(points, frame)
 
 
 @pytest.mark.parametrize("perspective", [True, False], ids=["perspective", "parallel"])
@@ -79,7 +79,7 @@ def test_casters_above_the_documented_bias_are_seen(degrees, resolution, perspec
     plane = tilted(degrees, AXIS, roll=0.7)
     uv = 0.5 + 0.2 * np.random.default_rng(1).uniform(-1, 1, (2, 2000))
     points = surface_points(plane.seen(frame, uv), plane.normal)
-    seen = project(points, frame, light_offset(points, frame))
+    seen = projected(points, frame)
     assert np.asarray(seen.facing).all()
     bound = BIAS * np.asarray(seen.depth) + CURVATURE_BIAS / resolution * np.asarray(seen.reach)
     slack = (

@@ -13,8 +13,8 @@ import pytest
 from helpers.analytic_cases import kept_arrays
 from helpers.effort import HARD, LEFT_OUT
 from helpers.hard_oracles import ref_dark
+from helpers.poses import projected
 
-from asmjax.buffers import light_offset, project
 from asmjax.hard_cases import CASES, SIDE, Setup, measure
 from asmjax.hard_cases.explain import explained
 from asmjax.hard_cases.lights import SHAPES, SUN, VIEW
@@ -88,7 +88,7 @@ def test_what_an_algorithm_says_of_itself_is_sound(family, name):
         assert not np.isnan(np.asarray(array)).any()
     density = np.asarray(algorithm.density(state, points), np.float64)
     assert np.isfinite(density).all() and np.abs(density).max() < LARGEST
-    facing = np.asarray(project(points, scene.frame, light_offset(points, scene.frame)).facing)
+    facing = np.asarray(projected(points, scene.frame).facing)
     assert (np.abs(np.linalg.det(np.moveaxis(density, -1, 0))) > 0).tolist() == facing.tolist()
     cost = algorithm.cost(state)
     assert cost.bytes == sum(array.nbytes for array in kept_arrays(state))

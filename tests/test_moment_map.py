@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers.analytic_cases import analytic_case, case_of
+from helpers.poses import projected
 from helpers.soft_cases import (
     ABOVE,
     FLOOR,
@@ -24,7 +25,6 @@ from helpers.soft_cases import (
     traced_soft_case,
 )
 
-from asmjax.buffers import light_offset, project
 from asmjax.errors import UseError
 from asmjax.experiment.traces import counted_traces
 from asmjax.scene.analytic_scenes import a8_slabs
@@ -152,7 +152,7 @@ def test_light_leaks_onto_narrow_receivers():
     depth = np.asarray(flat.build(case.eye, case.frame, case.rays).depth)
     depth = depth.reshape(-1, side, side)
     points = case.eye.points
-    seen = project(points, case.frame, light_offset(points, case.frame))
+    seen = projected(points, case.frame)
     uv, face, own = np.asarray(seen.uv) * side, np.asarray(seen.face), np.asarray(seen.depth)
     chosen = np.flatnonzero(seen.facing)[::7]
     floor = case.judged[chosen]

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers.analytic_cases import moved, random_rotation
+from helpers.poses import projected
 from helpers.soft_cases import (
     ABOVE,
     FLOOR,
@@ -26,7 +27,6 @@ from helpers.soft_cases import (
     traced_soft_case,
 )
 
-from asmjax.buffers import light_offset, project
 from asmjax.errors import UseError
 from asmjax.experiment.traces import counted_traces
 from asmjax.geometry import disk_light, rectangle_light, sphere_light, sun_light
@@ -207,7 +207,7 @@ def test_a_near_caster_elsewhere_widens_no_search():
     case = traced_soft_case((FLOOR, bar, shade), replace(ABOVE, fov_x_deg=70.0), light, 1)
     algorithm, points = PCSSShadowMap(256), case.eye.points
     texels = algorithm.texels(algorithm.build(case.eye, case.frame, case.rays))
-    receivers = project(points, case.frame, light_offset(points, case.frame))
+    receivers = projected(points, case.frame)
     assert case.frame.area is not None and float(texels.nearest) < 0.3
     light_seen = seen(case.frame, case.frame.area, receivers)
     depth = np.asarray(eqx.filter_jit(search_depth)(texels, light_seen, receivers, 256))

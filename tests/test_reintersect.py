@@ -19,6 +19,8 @@ from asmjax.geometry.reintersect import LANES, meet_triangles, meet_triangles_on
 
 N = 64
 
+MEET = jax.jit(meet_triangles)
+
 
 def case(seed=0, size=1.0, distance=5.0):
     """Rays from around the origin through random places of random triangles, and their weights."""
@@ -35,7 +37,7 @@ def case(seed=0, size=1.0, distance=5.0):
 def test_where_it_was_aimed(dtype):
     """t is 1 and the weights are those that the ray was aimed by."""
     *arrays, weights = case()
-    found = meet_triangles(*(jnp.asarray(x, dtype) for x in arrays))
+    found = MEET(*(jnp.asarray(x, dtype) for x in arrays))
     tolerance = 2e-4 if dtype == np.float32 else 1e-11
     assert np.asarray(found.inside).all() and np.asarray(found.met).all()
     np.testing.assert_allclose(found.t, 1.0, rtol=tolerance)
@@ -63,7 +65,7 @@ def ref_t(origin, direction, a, b, c):
 def test_against_mpmath(size, distance, x64):
     """Float64 is right to the rounding of what it is given: corners at `distance`, sides `size`."""
     *arrays, _ = case(1, size, distance)
-    found = meet_triangles(*(jnp.asarray(x) for x in arrays))
+    found = MEET(*(jnp.asarray(x) for x in arrays))
     truth = np.array([ref_t(*(x[:, k] for x in arrays)) for k in range(N)])
     origin, direction, a, b, c = arrays
     normal = np.cross(b - a, c - a, axis=0)
@@ -88,7 +90,6 @@ def fan(rng, count=7):
 def test_rays_at_shared_edges_are_inside_of_a_triangle_at_least(dtype):
     """Of all triangles of a fan, for rays that pass within roundings of its edges and corner."""
     rng = np.random.default_rng(4)
-    meet = jax.jit(meet_triangles)
     leaks = 0
     for _ in range(8):
         a, b, c = fan(rng)
@@ -100,7 +101,7 @@ def test_rays_at_shared_edges_are_inside_of_a_triangle_at_least(dtype):
             for j in range(count):
                 wide = [np.repeat(v[:, j : j + 1], share.size, 1) for v in (a, b, c)]
                 args = (np.zeros_like(on_edge), on_edge, *wide)
-                inside |= np.asarray(meet(*(jnp.asarray(v, dtype) for v in args)).inside)
+                inside |= np.asarray(MEET(*(jnp.asarray(v, dtype) for v in args)).inside)
             leaks += int((~inside).sum())
     assert leaks == 0
 
@@ -113,9 +114,8 @@ def test_a_side_is_the_other_sides_negative_bit_for_bit(dtype):
     direction = p + share * (q - p) * (1 + 1e-8 * rng.normal(size=512))
     zero = np.zeros_like(p)
     cast = [jnp.asarray(v, dtype) for v in (zero, direction, left, p, q, right)]
-    meet = jax.jit(meet_triangles)
-    one = meet(cast[0], cast[1], cast[2], cast[3], cast[4])
-    other = meet(cast[0], cast[1], cast[5], cast[4], cast[3])
+    one = MEET(cast[0], cast[1], cast[2], cast[3], cast[4])
+    other = MEET(cast[0], cast[1], cast[5], cast[4], cast[3])
     outside_one = np.asarray(one.weights[0] < 0)
     outside_other = np.asarray(other.weights[0] < 0)
     across = np.sum(np.cross(q - p, left - p, axis=0) * np.cross(q - p, right - p, axis=0), axis=0)
@@ -132,7 +132,7 @@ def test_degenerate_triangles_and_rays_along_planes_meet_nothing(dtype):
     c = np.array([[2.0, 0.0], [0.0, 2.0], [2.0, 5.0]])
     direction = np.array([[0.1, 0.0], [0.2, 0.0], [1.0, 1.0]])
     args = (np.zeros((3, 2)), direction, a, b, c)
-    found = meet_triangles(*(jnp.asarray(v, dtype) for v in args))
+    found = MEET(*(jnp.asarray(v, dtype) for v in args))
     assert not np.asarray(found.met).any() and not np.asarray(found.inside).any()
     assert np.asarray(found.t).tolist() == [0.0, 0.0]
 

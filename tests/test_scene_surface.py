@@ -1,7 +1,5 @@
 """The surface of any size: its triangles, its shape at every size, its names."""
 
-import time
-
 import numpy as np
 import pytest
 
@@ -70,11 +68,9 @@ def test_light_shines_on_the_whole_sand():
         assert in_domain(frame, mesh.vertices).all()
 
 
-def test_twelve_million_take_seconds():
-    """Only a loop over triangles would take longer than this."""
-    start = time.perf_counter()
+def test_twelve_million():
+    """How long that takes is for `bench_scenes` to say."""
     scene = surface.make_surface(12_000_000)
-    assert time.perf_counter() - start < 30.0
     assert scene.triangles == pytest.approx(12_000_000, rel=0.001)
 
 

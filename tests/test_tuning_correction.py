@@ -18,6 +18,8 @@ from asmjax.tuning.correction import (
 )
 from asmjax.tuning.goal import LEAST_PX
 
+CORRECTED = jax.jit(corrected)
+
 KNOBS, ROOM = 9, 16
 COUNT = 12
 
@@ -64,7 +66,7 @@ def test_it_is_a_gaussian_process(trials):
     correction, _ = fitted_correction(places, misfits, weight, ROOM)
     assert correction.places.shape == (ROOM, KNOBS + 2)
     new, edge, seconds = np.full(KNOBS, 0.3), 0.2, 0.08
-    found = corrected(correction, jnp.asarray(new), edge, seconds)
+    found = CORRECTED(correction, jnp.asarray(new), edge, seconds)
     here = places_of(new[None], np.array([[edge], [seconds]]))[0]
     for row, (kernel, before) in enumerate(zip(KERNELS, (edge + LEAST_PX, seconds), strict=True)):
         known = np.array([[covariance(kernel, a, b) for b in places] for a in places])
@@ -83,7 +85,7 @@ def test_what_is_left_is_that_of_refits(trials):
         others = np.arange(COUNT) != k
         without, _ = fitted_correction(places[others], misfits[:, others], weight[others], ROOM)
         edge, seconds = said[:, k]
-        told = corrected(without, jnp.asarray(points[k]), edge, seconds)
+        told = CORRECTED(without, jnp.asarray(points[k]), edge, seconds)
         shifts = np.log([float(told[0]) / (edge + LEAST_PX), float(told[1]) / seconds])
         np.testing.assert_allclose(left[:, k], misfits[:, k] - shifts, atol=1e-9)
 
@@ -94,7 +96,7 @@ def test_without_misfits_nothing_changes(trials):
     nothing, left = fitted_correction(places_of(points, said), 0 * misfits, weight, ROOM)
     assert (left == 0).all()
     for correction in (nothing, no_correction(KNOBS + 2, ROOM)):
-        edge, seconds = corrected(correction, jnp.asarray(points[0]), 0.2, 0.05)
+        edge, seconds = CORRECTED(correction, jnp.asarray(points[0]), 0.2, 0.05)
         assert (float(edge), float(seconds)) == pytest.approx((0.2 + LEAST_PX, 0.05))
 
 
@@ -109,8 +111,9 @@ def test_what_all_trials_say_is_learned():
     )
     assert np.median(np.abs(left[0])) < 0.1
     fresh = rng.random((40, KNOBS))
-    found = jax.vmap(lambda p: jnp.stack(corrected(correction, p, 0.3, 0.05)))(jnp.asarray(fresh))
-    off = np.log(np.asarray(found[:, 0]) / 0.3) - (0.3 + 0.5 * (fresh[:, 3] - 0.5))
+    each = jax.jit(jax.vmap(corrected, in_axes=(None, 0, None, None)))
+    found = np.stack(each(correction, jnp.asarray(fresh), 0.3, 0.05), axis=1)
+    off = np.log(found[:, 0] / 0.3) - (0.3 + 0.5 * (fresh[:, 3] - 0.5))
     assert np.median(np.abs(off)) < 0.1
 
 
@@ -120,6 +123,7 @@ def test_it_is_differentiable(trials):
     correction: Correction
     correction, _ = fitted_correction(places_of(points, said), misfits, weight, ROOM)
 
+    @jax.jit
     def of(point):
         edge, seconds = corrected(correction, point, 0.2 + 0.1 * point[0], 0.05 + 0.02 * point[1])
         return jnp.log(edge) + jnp.log(seconds)

@@ -10,8 +10,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers.analytic_cases import analytic_case, case_of
+from helpers.poses import projected
 
-from asmjax.buffers import light_offset, project
 from asmjax.errors import UseError
 from asmjax.footprint import uv_jacobian
 from asmjax.scene.analytic_scenes import ANALYTIC_SCENES
@@ -100,7 +100,7 @@ def test_every_visible_receiver_lies_inside_its_chart(family, toward):
     case = along_a_plane(64, toward=toward)
     algorithm = family(128)
     state = algorithm.build(case.eye, case.frame, case.rays)
-    receivers = project(case.eye.points, case.frame, light_offset(case.eye.points, case.frame))
+    receivers = projected(case.eye.points, case.frame)
     density = np.asarray(algorithm.density(state, case.eye.points), np.float64)
     facing = np.asarray(receivers.facing)
     assert (np.abs(np.linalg.det(np.moveaxis(density, -1, 0)))[facing] > 0).all()
@@ -203,7 +203,7 @@ def test_predicted_jacobian_is_texels_per_pixel():
     algorithm = LightSpaceShadowMap(512)
     state = algorithm.build(case.eye, case.frame, case.rays)
     points = case.eye.points
-    receivers = project(points, case.frame, light_offset(points, case.frame))
+    receivers = projected(points, case.frame)
     jacobian = uv_jacobian(points, case.eye.camera, case.frame, receivers)
     texels = jnp.einsum("ikn,kjn->ijn", algorithm.density(state, points), jacobian)
     u, v = np.asarray(receivers.uv, np.float64)

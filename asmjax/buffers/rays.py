@@ -13,6 +13,9 @@ EXACT_IDS = 2**16
 """Primitives whose ids stay apart in the 16 bits that maps keep of each
 (`asmjax.shadow.comparison.pack_prim`)."""
 
+_RAYS_AT_ONCE = 1 << 16
+"""Rays that windows of a face hand to `closest` together: some MB of temporaries."""
+
 
 @dataclass(frozen=True, eq=False)
 class TexelWindows:
@@ -105,12 +108,15 @@ class LightRays(abc.ABC):
         at = np.arange(side) + 0.5
         depth = np.empty((windows.count, side, side), np.float32)
         prim = np.empty((windows.count, side, side), np.int32)
-        for k, face in enumerate(windows.face):
-            u = windows.corner[0, k] + at * windows.texel[0, k]
-            v = windows.corner[1, k] + at * windows.texel[1, k]
-            origins, directions = frame.ray(int(face), np.tile(u, side), np.repeat(v, side))
-            t, hit = self.closest(origins, directions)
-            depth[k], prim[k] = t.reshape(side, side), hit.reshape(side, side)
+        together = max(1, _RAYS_AT_ONCE // side**2)
+        for face in np.unique(windows.face):
+            mine = np.flatnonzero(windows.face == face)
+            for some in np.split(mine, range(together, mine.size, together)):
+                u, v = windows.corner[:, some, None] + at * windows.texel[:, some, None]
+                u, v = np.broadcast_arrays(u[:, None, :], v[:, :, None])
+                origins, directions = frame.ray(int(face), u.ravel(), v.ravel())
+                t, hit = self.closest(origins, directions)
+                depth[some], prim[some] = t.reshape(u.shape), hit.reshape(u.shape)
         return LightBuffer(depth, prim)
 
     def chart_buffer(self, frame: LightFrame, charts: Charts) -> ChartBuffer:

@@ -1,6 +1,6 @@
 """Kernel cases: ids of primitives in the 16 bits that maps keep of each."""
 
-import jax.numpy as jnp
+import jax
 import numpy as np
 
 from asmjax.buffers import EXACT_IDS
@@ -8,6 +8,8 @@ from asmjax.hard_cases.case import Bound, HardCase, Kernel
 from asmjax.shadow.comparison import pack_prim
 
 _PAIRS = 1 << 20
+
+_packed = jax.jit(pack_prim)
 
 
 def _alike(severity: float) -> Kernel:
@@ -25,9 +27,12 @@ def _alike(severity: float) -> Kernel:
     def share(distance: np.ndarray) -> float:
         """Of pairs that share their bits: there the caster lets light through."""
         there = first + distance < count
-        one, other = (pack_prim(jnp.asarray(prim[there], jnp.int32))
-                      for prim in (first, first + distance))  # fmt: skip
-        return float((one == other).mean()) if there.any() else 0.0
+        # All of them, so that there is one shape: it is compiled once.
+        one, other = (
+            np.asarray(_packed(np.where(there, prim, 0).astype(np.int32)))
+            for prim in (first, first + distance)
+        )
+        return float((one == other)[there].mean()) if there.any() else 0.0
 
     return Kernel(
         inputs=(np.zeros(len(apart)),),

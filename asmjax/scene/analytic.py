@@ -95,14 +95,20 @@ def _intersect(
     return _Hits(t, np.zeros(t.shape, dtype=np.int32), normal)
 
 
+def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Products (n,) of a vector (3,) with others (3, n). BLAS would round them by how many there
+    are, so that a ray met another place alone than among others."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
 def _hit_plane(
     centre: np.ndarray, normal: np.ndarray, origins: np.ndarray, directions: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Ray parameter (inf when parallel) and hit point relative to `centre`."""
-    slope = normal @ directions
+    slope = _dot(normal, directions)
     offset = centre[:, None] - origins
     parallel = slope == 0.0
-    t = np.where(parallel, np.inf, (normal @ offset) / np.where(parallel, 1.0, slope))
+    t = np.where(parallel, np.inf, _dot(normal, offset) / np.where(parallel, 1.0, slope))
     # A parallel ray has no hit point; any finite one keeps the arithmetic quiet.
     return t, np.where(parallel, 0.0, t) * directions - offset
 
@@ -114,7 +120,7 @@ def _hit_rectangle(
     normal = np.cross(u, v)
     normal = normal / np.linalg.norm(normal)
     t, local = _hit_plane(np.asarray(shape.centre, dtype=np.float64), normal, origins, directions)
-    inside = (np.abs(u @ local) <= u @ u) & (np.abs(v @ local) <= v @ v)
+    inside = (np.abs(_dot(u, local)) <= u @ u) & (np.abs(_dot(v, local)) <= v @ v)
     return np.where(inside & (t >= low) & (t <= high), t, np.inf), normal[:, None]
 
 

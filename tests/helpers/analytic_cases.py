@@ -9,12 +9,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from asmjax.buffers import EyeBuffer, LightRays, SurfacePoints, light_offset, project
+from asmjax.buffers import EyeBuffer, LightRays, SurfacePoints
 from asmjax.geometry import LightFrame
 from asmjax.scene.analytic_rays import AnalyticRays, analytic_eye, scene_bounds
 from asmjax.scene.analytic_scenes import ANALYTIC_SCENES
 from asmjax.scene.lights import light_frame
 from asmjax.scene.spec import Disk, LightSpec, Mesh, Rectangle, Shape, Sphere, ViewSpec
+from helpers.poses import projected
 
 EDGE_MARGIN = 1e-5
 """Points nearer to an edge of the shadow than this are not judged."""
@@ -54,7 +55,7 @@ class Case:
 
     def texel_width(self, log2_resolution) -> np.ndarray:
         """(n,) the longest side of a texel on each receiver's plane, at most: scene units."""
-        seen = project(self.eye.points, self.frame, light_offset(self.eye.points, self.frame))
+        seen = projected(self.eye.points, self.frame)
         return np.asarray(seen.reach * seen.secant) * np.exp2(-np.asarray(log2_resolution, float))
 
 

@@ -28,7 +28,12 @@ Kind = Literal["point", "directional", "cube"]
 KINDS: tuple[Kind, ...] = ("point", "directional", "cube")
 
 
-_projected = eqx.filter_jit(project)
+_project = eqx.filter_jit(project)
+
+
+def projected(points: SurfacePoints, frame: LightFrame) -> Receivers:
+    """`project`, compiled once for all tests."""
+    return _project(points, frame, light_offset(points, frame))
 
 
 @eqx.filter_jit
@@ -52,8 +57,7 @@ class Pose:
         return surface_points(self.world, self.normal, self.camera.origin, dtype)
 
     def receivers(self, dtype: type[np.floating] = np.float64) -> Receivers:
-        points = self.points(dtype)
-        return _projected(points, self.frame, light_offset(points, self.frame))
+        return projected(self.points(dtype), self.frame)
 
     def jacobian(self, dtype: type[np.floating] = np.float64) -> jax.Array:
         points = self.points(dtype)
@@ -155,9 +159,16 @@ def ref_jacobian(pose: Pose, face: np.ndarray | None = None) -> np.ndarray:
 
     In float64; call under x64. `face` (n,) chooses the light's face per point, default 0.
     """
-    camera, frame = pose.camera, pose.frame
     face = np.zeros(pose.columns.size, int) if face is None else face
+    each = _ref_jacobians(
+        pose.camera, pose.frame, np.stack([pose.columns, pose.rows], axis=1),
+        pose.world.T, pose.normal.T, face,
+    )  # fmt: skip
+    return np.moveaxis(np.asarray(each), 0, -1)
 
+
+@eqx.filter_jit
+def _ref_jacobians(camera: Camera, frame: LightFrame, pixels, world, normal, face):
     def image(pixel, point, normal, rotation, corner, extent):
         ray = jnp.asarray(camera.rotation).T @ jnp.append(
             (pixel - camera.principal) / camera.focal, 1.0
@@ -168,12 +179,8 @@ def ref_jacobian(pose: Pose, face: np.ndarray | None = None) -> np.ndarray:
         plane = jnp.stack([x, y]) / z if frame.perspective else jnp.stack([x, y])
         return (plane - corner) / extent
 
-    pixels = np.stack([pose.columns, pose.rows], axis=1)
-    each = jax.vmap(jax.jacfwd(image))(
-        pixels, pose.world.T, pose.normal.T,
-        frame.rotation[face], frame.corner[face], frame.extent[face],
-    )  # fmt: skip
-    return np.moveaxis(np.asarray(each), 0, -1)
+    of_face = (jnp.asarray(a)[face] for a in (frame.rotation, frame.corner, frame.extent))
+    return jax.vmap(jax.jacfwd(image))(pixels, world, normal, *of_face)
 
 
 def ref_homographies(pose: Pose) -> np.ndarray:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import equinox as eqx
 import numpy as np
 
-from asmjax.buffers import EyeBuffer, LightRays, light_offset, project
+from asmjax.buffers import EyeBuffer, LightRays
 from asmjax.footprint import log2_linear_ratio, log2_m, uv_jacobian
 from asmjax.geometry import Camera, LightFrame
 from asmjax.shadow import AdaptiveShadowMap, NodeCounts, Status
@@ -27,6 +27,7 @@ from asmjax.shadow.adaptive.refiner import (
 )
 from asmjax.shadow.adaptive.shape import GUARD
 from asmjax.shadow.comparison import CURVATURE_BIAS, FLATTEST
+from helpers.poses import projected
 
 Square = tuple[int, int, int, int]
 """face, level, column, row."""
@@ -125,6 +126,7 @@ class SlowASM:
         self.settings, self.light, self.rays = settings, light, rays
         self.cost = settings.cost_model
         self.shape = settings.tree_shape(light.faces)
+        self.log2_resolution = list(map(self.shape.log2_resolution, range(self.shape.levels + 1)))
         self.c, self.texels = 1 << self.shape.log2_cells, 1 << self.shape.log2_node
         self.roots: dict[tuple[int, int, int], Node] = {}
         self.frame = self.made = self.evicted = self.passes = 0
@@ -187,7 +189,7 @@ class SlowASM:
 
     def _seen(self, view: EyeBuffer) -> list[Pixel]:
         points = view.points
-        seen = project(points, self.light, light_offset(points, self.light))
+        seen = projected(points, self.light)
         measure = {"axis": log2_m, "area": log2_linear_ratio}[self.settings.measure]
         ratio = measure(uv_jacobian(points, view.camera, self.light, seen), 1)
         columns = (
@@ -220,7 +222,7 @@ class SlowASM:
 
     def _tap(self, node: Node, pixel: Pixel, dx: int, dy: int, bias: float) -> tuple[bool, bool]:
         """Whether the texel (dx, dy) from the pixel's own lets light through, and can decide."""
-        resolution = 2.0 ** self.shape.log2_resolution(node.level)
+        resolution = 2.0 ** self.log2_resolution[node.level]
         column, row = int(pixel.u * resolution), int(pixel.v * resolution)
         du, dv = (column + dx + 0.5) / resolution - pixel.u, (row + dy + 0.5) / resolution - pixel.v
         x = column - node.square[2] * self.texels + dx + GUARD
@@ -240,7 +242,7 @@ class SlowASM:
     def _straddles(self, node: Node, pixel: Pixel) -> bool:
         """Whether the 2 x 2 nearest texels disagree, one of them because of a caster that is far
         enough off; or one of them cannot decide."""
-        resolution = 2.0 ** self.shape.log2_resolution(node.level)
+        resolution = 2.0 ** self.log2_resolution[node.level]
         x, y = (1 if (at * resolution) % 1 >= 0.5 else -1 for at in (pixel.u, pixel.v))
         bias = self.settings.bias
         far = max(bias, self.settings.discontinuity)
@@ -253,10 +255,8 @@ class SlowASM:
 
     def _level_for(self, pixel: Pixel, ratio: float) -> int:
         """The first level whose texels are at most `ratio` pixels large."""
-        level = 0
-        while level < self.shape.levels and pixel.log2_ratio - self.shape.log2_resolution(
-            level
-        ) > np.log2(ratio):
+        level, goal = 0, np.log2(ratio)
+        while level < self.shape.levels and pixel.log2_ratio - self.log2_resolution[level] > goal:
             level += 1
         return level
 
@@ -298,7 +298,7 @@ class SlowASM:
             request.benefit += share
             # N_required = N_current * area ratio, by sides.
             current = self.texels / self.c ** (level - node.level)
-            ratio = 2.0 ** (pixel.log2_ratio - self.shape.log2_resolution(node.level))
+            ratio = 2.0 ** (pixel.log2_ratio - self.log2_resolution[node.level])
             request.n_required = max(request.n_required, (current * ratio) ** 2)
 
         worth = [r for r in requests.values() if self._profit(r) >= settings.least_profit]
@@ -478,7 +478,7 @@ class SlowASM:
     def _cast(self, node: Node) -> None:
         """One ray through each texel's centre, guard band included."""
         face, level, column, row = node.square
-        resolution = 2.0 ** self.shape.log2_resolution(level)
+        resolution = 2.0 ** self.log2_resolution[level]
         depth, prim = [], []
         for y in range(-GUARD, self.texels + GUARD):
             u = (column * self.texels + np.arange(-GUARD, self.texels + GUARD) + 0.5) / resolution

@@ -1,5 +1,6 @@
 """Pages of a tree in dictionaries and loops: the slow, obvious twin of pool and page tables."""
 
+import functools
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -61,12 +62,18 @@ def is_below(shape: TreeShape, square: Square, other: Square) -> bool:
     return False
 
 
+@functools.cache
+def width_at(shape: TreeShape, level: int) -> float:
+    """Of a square, in parts of the face."""
+    return 2.0 ** -int(shape.log2_nodes_at(level))
+
+
 def deepest_over(shape: TreeShape, squares: Iterable[Square], face: int, x: float, y: float):
     """The deepest of `squares` over a point of a face: all are tried."""
     over = []
     for square in squares:
         on, level, column, row = square
-        size = 2.0 ** -int(shape.log2_nodes_at(level))
+        size = width_at(shape, level)
         inside = column * size <= x < (column + 1) * size and row * size <= y < (row + 1) * size
         if on == face and inside:
             over.append(square)
