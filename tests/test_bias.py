@@ -6,15 +6,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from helpers.effort import each_of
+from helpers.planes import Plane, surface_points
+from helpers.poses import projected
 from helpers.registry import SIBLINGS
 
 from asmjax.experiment.bias import bias_summary, stated_bias
+from asmjax.geometry import fixed_frame
 from asmjax.scene.analytic import closest
 from asmjax.scene.analytic_rays import AnalyticRays, analytic_eye, scene_bounds
 from asmjax.scene.lights import light_frame
 from asmjax.scene.spec import LightSpec, Rectangle, ViewSpec
 from asmjax.shadow import FilteredShadowMap, ShadowAlgorithm, UniformShadowMap
-from asmjax.shadow.comparison import BIAS, CURVATURE_BIAS
+from asmjax.shadow.comparison import BIAS, CURVATURE_BIAS, bias_distance
 
 SIDE = 96
 TEXELS = 4**7
@@ -124,6 +127,23 @@ def test_the_stated_bias_is_what_the_test_forgives():
     assert hidden.sum() > 100 and lit[hidden].mean() > 0.95
     width = 9.0 * np.max(frame.extent) / 64
     assert np.nanmedian(bias) == pytest.approx(BIAS * 9 + CURVATURE_BIAS * width, rel=0.25)
+
+
+def test_the_stated_bias_holds_far_off_the_axis():
+    """In the corner of a lamp of 125 degrees, whose rays are 2.9 times as long as they are deep:
+    what is a little nearer than stated is hidden, and what is a little farther is seen."""
+    frame = fixed_frame((0.0, 0.0, 5.0), (0.0, 0.0, -1.0), 125.0, 1e-3)
+    floor = Plane(np.array([0.0, 0.0, 1.0]), np.zeros(3))
+    world = floor.seen(frame, 0.02 + 0.01 * np.random.default_rng(3).random((2, 500)))
+    points = surface_points(world, floor.normal)
+    algorithm, eye = UniformShadowMap(2048, compare="depth"), analytic_eye([FLOOR], VIEW)
+    stated = np.asarray(bias_distance(projected(points, frame), frame, 1 / 2048, BIAS))
+    deep = BIAS * 5 + CURVATURE_BIAS * 5 * np.max(frame.extent) / 2048
+    assert stated.min() > 2.5 * deep
+    for part, expected in ((0.98, 1.0), (1.02, 0.0)):
+        plate = floor.shape("plate", lift=part * float(np.median(stated)), half=1e3)
+        state = algorithm.build(eye, frame, AnalyticRays([plate]))
+        assert np.mean(np.asarray(algorithm.visibility(state, points)) == expected) > 0.9
 
 
 def test_ids_need_no_bias():

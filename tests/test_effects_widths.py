@@ -10,8 +10,8 @@ from helpers.plans import CLOSE, CountedRays, asked_about, on_image
 
 from asmjax.effects import plan_lights
 from asmjax.effects.decide import LEAST_UMBRA, NARROW, SUBPIXEL, WIDE
-from asmjax.effects.widths import CLEAR, _largest_gap
-from asmjax.geometry import SUN_DEG, sun_light
+from asmjax.effects.widths import _largest_gap
+from asmjax.geometry import SUN_DEG, sphere_light, sun_light
 from asmjax.scene.analytic_rays import AnalyticRays
 from asmjax.scene.analytic_scenes import (
     a2_square_light,
@@ -133,6 +133,27 @@ def test_a_sphere_light_has_the_width_of_its_disk():
     assert numbers.width_p50 > 5
 
 
+def test_a_lamp_far_away_is_as_soft_as_a_near_one_of_its_angle():
+    """A thousand diagonals away: margins in parts of the lamp's distance hid every caster there,
+    and the plan said "hard" of it."""
+    scene = a7_sphere_light()
+    near = scene.soft_light()
+    assert near.position is not None and near.area is not None
+    found = []
+    for far in (1e2, 1e4):
+        place = far * np.asarray(near.position)
+        lamp = replace(
+            near, position=tuple(place), area=sphere_light(place, far * near.area.radius)
+        )
+        (numbers,) = plan_lights(asked_about(scene, [lamp])).numbers
+        found.append((numbers.shadowed, numbers.umbra, numbers.width_p50, numbers.width_p95))
+    assert found[0][0] > 0 and found[0][2] > 5
+    np.testing.assert_allclose(found[1], found[0], rtol=0.05)
+
+
+CLEAR = 1e-3
+
+
 def ref_widest_gap(receiver, normal, blockers, radii, light_radius, sun) -> float:
     """One receiver, blocker by blocker, in float64; the light at the origin, or along -z."""
     distance = -receiver[2] if sun else float(np.linalg.norm(receiver))
@@ -143,7 +164,7 @@ def ref_widest_gap(receiver, normal, blockers, radii, light_radius, sun) -> floa
         gap = distance - along
         aside = np.linalg.norm((blocker - receiver) - axis * (axis @ (blocker - receiver)))
         cone = light_radius * (gap if sun else gap / distance)
-        above = normal @ (blocker - receiver) > CLEAR * distance
+        above = normal @ (blocker - receiver) > CLEAR
         if radius > 0 and gap > 0 and along > 0 and above and aside <= cone + radius:
             best = max(best, gap if sun else gap / along)
     return best
@@ -167,6 +188,7 @@ def test_widest_gaps_agree_with_a_loop(sun):
     unit = axis if sun else receiver / distance
     found = _largest_gap(
         *(jnp.asarray(a, jnp.float32) for a in (receiver, normal, distance, unit)),
+        jnp.full(24, CLEAR, jnp.float32),
         *(jnp.asarray(a, jnp.float32) for a in (blockers, radii, 0.4)),
         not sun,
     )

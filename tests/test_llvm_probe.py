@@ -192,10 +192,14 @@ def test_child_that_hangs_is_unusable(monkeypatch, nothing_loaded):
     assert not verdict.usable and "longer than" in verdict.reason
 
 
-def test_child_that_dies_is_unusable(monkeypatch, nothing_loaded):
-    monkeypatch.setattr(llvm, "_CHILD", "import os; os.kill(os.getpid(), 11)")
-    verdict = llvm.probe()
-    assert not verdict.usable
+@pytest.mark.parametrize(("number", "lasting"), [(11, True), (9, False)])
+def test_child_that_dies_is_unusable(monkeypatch, tmp_path, nothing_loaded, number, lasting):
+    """Once, or for ever: a crash is the library's, but one that is killed says nothing of it."""
+    monkeypatch.setenv("ASMJAX_CACHE_DIR", str(tmp_path))
+    monkeypatch.setattr(llvm, "_CHILD", f"import os; os.kill(os.getpid(), {number})")
+    assert not llvm.probe().usable
+    monkeypatch.setattr(llvm, "_CHILD", "print('version:99')")
+    assert llvm.probe().usable is not lasting
 
 
 def test_search_order(monkeypatch, tmp_path, nothing_loaded):

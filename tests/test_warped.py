@@ -226,6 +226,8 @@ def test_predicted_jacobian_is_texels_per_pixel():
         (PartitionedShadowMap, {"blend": 1.5}, "blend"),
         (PartitionedShadowMap, {"near": -1.0}, "above 0"),
         (PartitionedShadowMap, {"near": 2.0, "far": 1.0}, "far"),
+        (PartitionedShadowMap, {"near": np.inf}, "finite"),
+        (PartitionedShadowMap, {"far": np.inf}, "finite"),
         (SubdividedShadowMap, {"parts": 9}, "0 to 8"),
         (SubdividedShadowMap, {"strength": 2.0}, "-1 to 1"),
         (SubdividedShadowMap, {"bias": -1.0}, "bias"),
@@ -249,3 +251,15 @@ def test_sample_distribution_ignores_what_is_given_beyond():
     seen = PartitionedShadowMap(64, partitions=4).charts(case.eye, case.frame)
     given = PartitionedShadowMap(64, partitions=4, near=0.01, far=1e4).charts(case.eye, case.frame)
     assert len(seen) == 4 and len(given) < 4
+
+
+def test_splits_where_nothing_is_seen_are_told():
+    """One slab is left, and the status says that it is not what was asked for."""
+    case = along_a_plane(48)
+    for beyond in ({"far": 1e-3}, {"near": 1e6}):
+        algorithm = PartitionedShadowMap(64, partitions=4, **beyond)
+        state = algorithm.build(case.eye, case.frame, case.rays)
+        assert len(algorithm.charts(case.eye, case.frame)) == 1
+        assert algorithm.status(state) == Status.FALLBACK
+    whole = PartitionedShadowMap(64, partitions=4)
+    assert whole.status(whole.build(case.eye, case.frame, case.rays)) == Status.COMPLETE

@@ -25,8 +25,8 @@ class Receivers(eqx.Module):
             (du, dv). 0 where the plane is seen edge-on.
         secant: (n,) 1 / cosine of the angle between normal and light ray, at most 1 / GRAZING; 1
             where `facing` is False. Rounding moves a depth on the plane by about this much more.
-        reach: (n,) world size of the whole image, its longer side, across the light ray at the
-            receiver: a texel at resolution N is reach / N wide, scene units.
+        reach: (n,) world size of the whole image, its longer side, across the light's axis at the
+            receiver's depth: a texel at resolution N is reach / N wide, scene units.
         prim: (n,) primitive id.
         facing: (n,) whether the light shines on the seen side of a valid point of its domain;
             everything else is dark whatever the shadow map holds.

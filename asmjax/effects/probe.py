@@ -21,7 +21,11 @@ PIXELS = 4096
 """Of the probe: 64 x 64 of a square view."""
 
 NEARLY = 1e-4
-"""A ray that ends so near before its receiver, in parts of its length, ends there."""
+"""A ray that ends so near before its receiver ends there, in parts of its length or of the extent
+of what is seen, whichever is less: nothing in the scene is near, measured by a lamp's distance."""
+
+ROUNDING = 4 * float(np.finfo(np.float32).eps)
+"""What a renderer's float32 may put a hit off by, in parts of the ray's length."""
 
 MOST_LAYERS = 16
 """Surfaces that a ray through transmissive ones passes; it is dark behind more."""
@@ -49,6 +53,8 @@ class Paths:
         origin: (3, n) where they begin, world: at the light, or in front of all casters.
         along: (3, n) from there to the receiver, scene units; 0 where nothing is seen.
         distance: (n,) its length.
+        margin: (n,) what stands no farther before the receiver than this is the receiver itself,
+            scene units.
         facing: (n,) bool, whether the light's centre shines on the seen side.
         reached: (n,) bool, whether any part of it does, as soft truth has it.
         straddled: (n,) bool, whether a part of it does and a part is behind the receiver's plane.
@@ -58,6 +64,7 @@ class Paths:
     origin: np.ndarray
     along: np.ndarray
     distance: np.ndarray
+    margin: np.ndarray
     facing: np.ndarray
     reached: np.ndarray
     straddled: np.ndarray
@@ -67,6 +74,11 @@ class Paths:
     def unit(self) -> np.ndarray:
         """(3, n) directions of the light at the receivers."""
         return self.along / np.where(self.distance > 0, self.distance, 1.0)
+
+    @property
+    def nearly(self) -> np.ndarray:
+        """(n,) the margin in parts of the way."""
+        return self.margin / np.where(self.distance > 0, self.distance, 1.0)
 
 
 def light_paths(eye: EyeBuffer, frame: LightFrame) -> Paths:
@@ -81,18 +93,21 @@ def light_paths(eye: EyeBuffer, frame: LightFrame) -> Paths:
         origin = world - along
     along = np.where(eye.valid, along, 0.0)
     distance = np.linalg.norm(along, axis=0)
+    extent = np.linalg.norm(np.ptp(world[:, eye.valid], axis=1)) if eye.valid.any() else 0.0
+    margin = NEARLY * np.minimum(distance, extent) + ROUNDING * distance
+    way = origin, along, distance, margin
     cosine = -np.einsum("in,in->n", eye.normal, along) / np.where(distance > 0, distance, 1.0)
     shone_on = eye.valid & in_domain(frame, world)
     if frame.area is not None and frame.perspective:
         shone_on &= np.asarray(frame.area.emits_towards(world))
     facing = shone_on & (cosine > 0)
     if frame.area is None:
-        return Paths(origin, along, distance, facing, facing, np.zeros_like(facing), cosine)
+        return Paths(*way, facing, facing, np.zeros_like(facing), cosine)
     # Of a sun the light's place is a unit direction.
     height = cosine * (distance if frame.perspective else 1.0)
-    extent = frame.area.extent_along(eye.normal)
-    reached = shone_on & (height + extent > 0)
-    return Paths(origin, along, distance, facing, reached, reached & (height < extent), cosine)
+    across = frame.area.extent_along(eye.normal)
+    reached = shone_on & (height + across > 0)
+    return Paths(*way, facing, reached, reached & (height < across), cosine)
 
 
 def irradiance(
@@ -152,7 +167,7 @@ def hard_look(paths: Paths, rays: LightRays) -> HardLook:
     stop, prim = np.ones(count), np.full(count, -1, np.int64)
     chosen = np.flatnonzero(paths.facing)
     t, hit = rays.closest(paths.origin[:, chosen], paths.along[:, chosen])
-    blocked = np.asarray(t) < 1 - NEARLY
+    blocked = np.asarray(t) < 1 - paths.nearly[chosen]
     stop[chosen[blocked]] = np.asarray(t)[blocked]
     prim[chosen[blocked]] = np.asarray(hit)[blocked]
     return HardLook(paths.facing & (prim < 0), stop, prim, int(chosen.size))
@@ -210,7 +225,7 @@ def transmission(
         )
         cast += int(active.size)
         at, prim = start + np.asarray(t), np.asarray(prim)
-        arrived = at >= 1 - NEARLY
+        arrived = at >= 1 - paths.nearly[active]
         rest = np.exp(-dense * (1 - entered) * paths.distance[active])
         part[active[arrived]] = (passed * rest)[arrived]
         on = ~arrived

@@ -33,9 +33,6 @@ GRAZING = 0.02
 """Receivers that the light grazes at a smaller cosine count as if at this one: any penumbra there
 is endless."""
 
-CLEAR = 1e-4
-"""A blocker stands above the receiver's plane by more than this part of the light's distance."""
-
 NEAREST = 1e-6
 """Blockers count as no nearer to the light than this part of the receiver's distance."""
 
@@ -256,6 +253,7 @@ def widest_gaps(
                 np.where(facing, eye.normal, 0.0),
                 np.where(facing, paths.distance, 1.0),
                 np.where(facing, paths.unit, 0.0),
+                np.where(facing, paths.margin, 1.0),
                 blockers.points - start,
                 np.where(before, blockers.radius, 0.0),
                 area.radius,
@@ -266,33 +264,36 @@ def widest_gaps(
     return np.where(facing, np.asarray(found, np.float64), 0.0)
 
 
-@partial(jax.jit, static_argnums=7)
+@partial(jax.jit, static_argnums=8)
 def _largest_gap(
     receiver: Float[Array, "3 n"],
     normal: Float[Array, "3 n"],
     distance: Float[Array, " n"],
     unit: Float[Array, "3 n"],
+    clear: Float[Array, " n"],
     blocker: Float[Array, "3 m"],
     radius: Float[Array, " m"],
     light_radius: Float[Array, ""],
     perspective: bool,
 ) -> Float[Array, " n"]:
     """Every receiver against every blocker, places relative to the light; one loop and no array of
-    pairs after compilation. Blockers of radius 0 are none."""
+    pairs after compilation. Blockers of radius 0 are none, nor are those that stand no higher above
+    the receiver's plane than `clear`."""
     receiver, normal, unit = receiver[:, :, None], normal[:, :, None], unit[:, :, None]
     blocker, reach = blocker[:, None, :], distance[:, None]
     along = dot(unit, blocker)
-    gap = reach - along
+    gap, away = reach - along, blocker - receiver
     if perspective:
-        apart = dot(blocker, blocker) - along**2
+        # The difference of two squares would be off by D^2 1e-7, more than a texel of a far lamp.
+        off = blocker - along * unit
+        apart = dot(off, off)
         limit = light_radius * gap / reach + radius
         k = gap / jnp.maximum(along, NEAREST * reach)
     else:
         # Across parallel rays only the difference of the two places counts.
-        away = blocker - receiver
         apart = dot(away, away) - dot(unit, away) ** 2
         limit = light_radius * gap + radius
         k = gap
-    above = dot(normal, blocker) - dot(normal, receiver) > CLEAR * reach
+    above = dot(normal, away) > clear[:, None]
     counts = above & (gap > 0) & (along > 0) & (radius > 0) & (apart <= jnp.maximum(limit, 0) ** 2)
     return jnp.where(counts, k, 0).max(axis=1, initial=0)

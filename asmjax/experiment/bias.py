@@ -54,4 +54,4 @@ def _distance(points, frame, offset, density: Float[Array, "2 2 n"], bias):
     ]
     texel = safe_divide(jnp.maximum(*sides), jnp.max(extent, axis=0))
     known = receivers.facing & (area != 0)
-    return bias_distance(receivers, texel, bias), known
+    return bias_distance(receivers, frame, texel, bias), known

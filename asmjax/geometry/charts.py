@@ -15,6 +15,10 @@ from jaxtyping import Float64, Int64
 from asmjax.errors import require
 from asmjax.geometry.light_frame import LightFrame
 
+STRAIGHT = 1e-9
+"""A `log` no larger than this bends nothing that float32 could tell, and the renderer's exp(x) - 1
+would lose its digits there."""
+
 LINES = 4
 """Lines that bound the region of a chart."""
 
@@ -125,7 +129,7 @@ def laid_out(charts: list[Chart], texels: int) -> Charts:
     return Charts(
         face=np.array([chart.face for chart in charts], np.int64),
         to_chart=np.stack([chart.to_chart for chart in charts]).astype(np.float64),
-        log=np.array([chart.log for chart in charts], np.float64),
+        log=np.array([chart.log if abs(chart.log) > STRAIGHT else 0.0 for chart in charts]),
         lines=lines,
         depths=np.array([chart.depths for chart in charts], np.float64),
         size=size,

@@ -6,7 +6,6 @@ two ends of that edge alone. Both triangles of a shared edge get the same number
 sign, so a ray between them is inside of one at least. Differentiable in rays and corners.
 """
 
-import functools
 from typing import NamedTuple
 
 import jax
@@ -153,7 +152,7 @@ _LAYOUT = (((), np.float64), ((3,), np.float64), ((3,), np.float64), ((), bool),
 """Leading shape and type of each field of `Meeting`."""
 
 
-@functools.partial(jax.jit)
+@jax.jit
 def _meet_from_zero(direction, a, b, c):
     return meet_triangles(jnp.zeros_like(direction), direction, a, b, c)
 

@@ -44,6 +44,7 @@ def _up(position) -> jax.Array:
 
 
 def lamp(shift: float = 0.0, width_deg: float = _WIDE_DEG) -> LightFrame:
+    """A light that shines straight down, its place moved by `shift` along all axes."""
     return fixed_frame(_PLACE + shift, (0.0, 0.0, -1.0), width_deg, 1e-6)
 
 

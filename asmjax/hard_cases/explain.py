@@ -16,7 +16,7 @@ from asmjax.geometry import Charts
 from asmjax.hard_cases.scene import Scene
 from asmjax.scene.analytic import closest
 from asmjax.shadow.base import ShadowAlgorithm
-from asmjax.shadow.comparison import Tested, bias_distance
+from asmjax.shadow.comparison import Tested, depth_tolerance
 from asmjax.shadow.warped.charted import ChartedState, Drawn
 
 _REACH = np.linspace(-1.0, 1.0, 9)
@@ -62,8 +62,8 @@ def explained(scene: Scene, algorithm: ShadowAlgorithm, state, visibility) -> Ex
     if looked.size:
         texel = np.linalg.inv(density[looked])
         width, forgiven = np.linalg.norm(texel, ord=2, axis=(1, 2)), cast(Tested, algorithm).bias
-        bias = np.asarray(bias_distance(receivers, 1.0, 0.0), np.float64)[looked] * width
-        bias += np.asarray(bias_distance(receivers, 0.0, forgiven), np.float64)[looked]
+        tolerance = np.asarray(depth_tolerance(receivers, 1.0, 0.0), np.float64)[looked] * width
+        tolerance += np.asarray(depth_tolerance(receivers, 0.0, forgiven), np.float64)[looked]
         face = np.asarray(receivers.face)[looked]
         uv = _image(scene, face, scene.eye.world[:, looked])
         steps = np.stack([np.tile(_REACH, _REACH.size), np.repeat(_REACH, _REACH.size)])
@@ -73,8 +73,7 @@ def explained(scene: Scene, algorithm: ShadowAlgorithm, state, visibility) -> Ex
             places = np.concatenate(
                 [places, uv[:, :, None] + to_centre[:, :, None] * _TOWARDS], axis=2
             )
-        secant = np.asarray(receivers.secant, np.float64)[looked]
-        edge[looked], biased[looked] = _texels(scene, looked, face, places, secant * bias)
+        edge[looked], biased[looked] = _texels(scene, looked, face, places, tolerance)
     stated = (marked | biased) & wrong & ~edge
     return Explained(wrong, edge, stated, wrong & ~edge & ~stated)
 

@@ -180,7 +180,7 @@ def _seen_at(position, normal):
 
 
 def _rounding(position, normal, stored):
-    """By how much a plane shades itself: distance along the normal / depth."""
+    """By how much a plane shades itself: distance along the normal / distance to the light."""
     receivers, offset = _seen_at(position, normal)
     off = plane_depth(receivers, offset, True) - stored
     return off / (receivers.depth * receivers.secant)

@@ -35,7 +35,8 @@ def _both_graze(severity: float) -> Setup:
 
 
 def _low_eye(degrees: float) -> ViewSpec:
-    """An eye whose view meets the ground at that angle from its normal, five units away."""
+    """An eye whose view meets the ground at that angle from its normal, three units along the
+    ground."""
     height = 3 / np.tan(np.radians(degrees))
     return replace(VIEW, origin=(0.0, -3.0, float(height)), target=(0.0, 0.0, 0.0))
 

@@ -232,7 +232,6 @@ def _maxima(severity: float) -> Kernel:
     )
 
 
-_MASKS = 5
 _COUNT = 32
 
 

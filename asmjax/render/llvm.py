@@ -16,6 +16,7 @@ import json
 import os
 import platform
 import re
+import signal
 import subprocess
 import sys
 import tempfile
@@ -60,6 +61,10 @@ with open("/proc/self/maps") as maps:
 print("loaded:" + (loaded[0] if loaded else ""))
 print("version:" + ".".join(map(str, dr.detail.llvm_version())))
 """
+
+
+_FROM_OUTSIDE = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
+"""What ends a child that did nothing wrong: a lack of memory, a scheduler, a user."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -123,8 +128,9 @@ def probe(refresh: bool = False) -> Verdict:
     record = paths.cache_dir() / "llvm" / f"{_key(library)}.json"
     if not refresh and (known := _recall(record)):
         return known
-    verdict = _try_in_child(library)
-    paths.keep_text(record, json.dumps(dataclasses.asdict(verdict)))
+    verdict, lasting = _try_in_child(library)
+    if lasting:
+        paths.keep_text(record, json.dumps(dataclasses.asdict(verdict)))
     return verdict
 
 
@@ -173,7 +179,9 @@ def _recall(record: Path) -> Verdict | None:
         return None  # absent, torn or of another version: try again
 
 
-def _try_in_child(library: Path | None) -> Verdict:
+def _try_in_child(library: Path | None) -> tuple[Verdict, bool]:
+    """The verdict, and whether the next process would come to it too: a machine that was too busy
+    or out of memory says nothing about the library."""
     with tempfile.TemporaryDirectory() as scratch:
         environment = dict(os.environ, DRJIT_CACHE_DIR=scratch)
         if library is not None:
@@ -191,14 +199,16 @@ def _try_in_child(library: Path | None) -> Verdict:
                 timeout=PROBE_SECONDS,
             )
         except subprocess.TimeoutExpired:
-            return _unusable(library, f"a first kernel took longer than {PROBE_SECONDS:.0f} s")
+            slow = f"a first kernel took longer than {PROBE_SECONDS:.0f} s"
+            return _unusable(library, slow), False
         except OSError as problem:
-            return _unusable(library, f"cannot start a child process ({problem})")
+            return _unusable(library, f"cannot start a child process ({problem})"), False
     if child.returncode == 0:
         told = dict(line.split(":", 1) for line in child.stdout.splitlines() if ":" in line)
         path, version = told.get("loaded") or None, told.get("version")
-        return Verdict(True, path, version, f"LLVM {version} works")
-    return _unusable(library, _explain(library, child.returncode, child.stderr))
+        return Verdict(True, path, version, f"LLVM {version} works"), True
+    reason = _explain(library, child.returncode, child.stderr)
+    return _unusable(library, reason), -child.returncode not in _FROM_OUTSIDE
 
 
 def _unusable(library: Path | None, reason: str) -> Verdict:

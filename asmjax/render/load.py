@@ -247,12 +247,12 @@ def scene_file(name: str) -> Path:
 
 
 def _from_mitsuba(name: str, parsed: ParsedScene, mi) -> Scene:
-    said, shown = parsed.properties(), parsed.shown_groups()
+    said, groups = parsed.properties(), parsed.shown_groups()
     can_move, can_scale = parsed.can_move, parsed.can_scale
     scene, frames, notices = parsed.made(WORLD), Frames(), []
     if not hasattr(scene, "shapes") or not scene.shapes():
         raise UseError(f"scene '{name}' has no shapes; asmjax needs surfaces to cast shadows on.")
-    better = frames.better(mi, scene, shown)
+    better = frames.better(mi, scene, groups)
     odd = (
         f"scene '{name}' or a shape group of it is far from the origin, very small or very large, "
         "or has spheres that its instances shrink"
@@ -274,9 +274,9 @@ def _from_mitsuba(name: str, parsed: ParsedScene, mi) -> Scene:
         if better == frames:
             break
         scene, frames = parsed.made(better.working, better.groups), better
-        better = frames.better(mi, scene, shown)
+        better = frames.better(mi, scene, groups)
     working = frames.working
-    instancing = find_instances(mi, scene, name, shown)
+    instancing = find_instances(mi, scene, name, groups)
     low, high = _finite(name, box_of(scene.bbox(), working)).T
     views = read_sensors(mi, scene.sensors(), notices, said, float(np.linalg.norm(high - low)))
     lights = read_emitters(mi, scene, notices, said, working)

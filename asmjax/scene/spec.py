@@ -198,6 +198,11 @@ class ViewSpec:
             f"view '{self.name}' has a field of view of {self.fov_x_deg} degrees; allowed is more "
             "than 0 and less than 180.",
         )
+        require(
+            0.0 < self.near < self.far,
+            f"view '{self.name}' sees from {self.near} to {self.far}; allowed: from more than 0 to "
+            "something farther, scene units.",
+        )
         for side in (self.width, self.height):
             require(
                 1 <= side <= MAX_SIDE,
@@ -274,6 +279,11 @@ class LightSpec:
             all(math.isfinite(x) for x in numbers),
             f"light '{self.name}' is not finite (position {self.position}, direction "
             f"{self.direction}); give finite numbers.",
+        )
+        require(
+            self.cutoff_deg is None or 0 < self.cutoff_deg <= 180,
+            f"light '{self.name}' has a cone of {self.cutoff_deg} degrees; allowed: more than 0 "
+            "and at most 180, from its axis to its rim.",
         )
         require(
             bool(0 <= self.intensity < math.inf),

@@ -3,8 +3,8 @@
 A texel stores what its centre's ray hits, so it is compared with the receiver's tangent plane
 met by *that* ray, not with the receiver's own depth (docs/theory.md, "The shadow test"): a plane at
 any slope then has no acne. A bias of a few roundings covers what is left. It is a distance along
-the normal, hence a depth that grows with the secant of the light's incidence, as the rounding of
-a depth on an inclined plane does.
+the normal in parts of that to the light, hence a depth that grows with the secant of the light's
+incidence, as the rounding of a depth on an inclined plane does.
 """
 
 import math
@@ -17,6 +17,7 @@ from jaxtyping import Array, Bool, Float, Int, UInt16
 
 from asmjax.buffers import Receivers
 from asmjax.errors import check_choice, require
+from asmjax.geometry import LightFrame
 
 Compare = Literal["depth", "id", "both"]
 """What decides: depth alone, primitive id alone, or lit if either says so (Fernando et al. 2001,
@@ -27,7 +28,8 @@ Number = Float[Array, ""] | Float[np.ndarray, ""] | float
 
 BIAS = 5e-6
 """Distance along the receiver's normal by which a caster must be nearer, as a fraction of the
-receiver's depth: 5e-5 units at 10 units. A few float32 roundings; see `lit_by_texel`."""
+distance to the light (of parallel light: of the depth): 5e-5 units at 10 units. A few float32
+roundings; see `lit_by_texel`."""
 
 CURVATURE_BIAS = 0.2
 """Further distance along the normal, in texel widths: within half a texel a surface that curves
@@ -44,7 +46,7 @@ class Tested(Protocol):
     Attributes:
         compare: what is stored and compared.
         bias: distance along the receiver's normal by which a caster must be nearer, in parts of the
-            receiver's depth.
+            distance to the light; under parallel light, of the receiver's depth.
     """
 
     compare: Compare
@@ -93,13 +95,32 @@ def plane_is_trusted(
     return (scale > FLATTEST) & (scale < 1 / FLATTEST)
 
 
-def bias_distance(
+def depth_tolerance(
     receivers: Receivers, texel: Float[Array, "..."] | float, bias: Number
 ) -> Float[Array, " n"]:
-    """How far along its normal a caster may stand above each receiver's tangent plane and still be
-    taken for the receiver, scene units: (n,). What is thicker than that casts its shadow."""
+    """By how much a texel's axial depth may be less than that of each receiver's tangent plane and
+    still be taken for it, scene units: (n,)."""
     bias = jnp.asarray(bias, receivers.depth.dtype)
-    return bias * receivers.depth + CURVATURE_BIAS * texel * receivers.reach
+    return receivers.secant * (bias * receivers.depth + CURVATURE_BIAS * texel * receivers.reach)
+
+
+def bias_distance(
+    receivers: Receivers, frame: LightFrame, texel: Float[Array, "..."] | float, bias: Number
+) -> Float[Array, " n"]:
+    """How far along its normal a caster may stand above each receiver's tangent plane and still be
+    taken for the receiver, scene units: (n,). What is thicker than that casts its shadow.
+
+    A distance h along the normal is an axial depth of h sec(psi) cos(phi), psi the incidence of the
+    light and phi the angle between ray and axis: `depth_tolerance` without the two.
+    """
+    distance = depth_tolerance(receivers, texel, bias) / receivers.secant
+    if not frame.perspective:
+        return distance
+    corner, extent = (
+        jnp.asarray(a, distance.dtype)[receivers.face].T for a in (frame.corner, frame.extent)
+    )
+    x, y = corner + receivers.uv * extent
+    return distance * jnp.sqrt(x * x + y * y + 1)
 
 
 def lit_by_texel(
@@ -121,7 +142,7 @@ def lit_by_texel(
     """
     lit = jnp.zeros_like(receivers.facing)
     if map_depth is not None:
-        tolerance = receivers.secant * bias_distance(receivers, texel, bias)
+        tolerance = depth_tolerance(receivers, texel, bias)
         lit |= map_depth >= plane_depth(receivers, offset_uv, perspective) - tolerance
     if map_prim is not None:
         lit |= (map_prim == pack_prim(receivers.prim)) & (receivers.prim >= 0)

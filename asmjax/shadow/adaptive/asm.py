@@ -76,8 +76,8 @@ class AdaptiveShadowMap(ShadowAlgorithm[AdaptiveState]):
             this many, others in each turn; 1, 2, 4 or 8 (the paper's).
         compare, bias: the shadow test; see `asmjax.shadow.comparison`.
         discontinuity: an edge is refined only where its caster is this far off the receiver, along
-            the receiver's normal, in parts of the receiver's depth; up to `bias` changes nothing,
-            nor does any with ids alone. Leaves shadows near their casters coarse.
+            the receiver's normal, in parts of the distance to the light; up to `bias` changes
+            nothing, nor does any with ids alone. Leaves shadows near their casters coarse.
         least_profit: nodes that serve fewer eye pixels per second of their cost are not made.
         cover: also refine where no edge was seen: finds casters that fell between the first texels.
             First, with a quarter of the memory, until texels are 4 times a pixel's size; in later
@@ -161,10 +161,21 @@ class AdaptiveShadowMap(ShadowAlgorithm[AdaptiveState]):
     def build(self, view: EyeBuffer, frame: LightFrame, rays: LightRays) -> AdaptiveState:
         """Raises `UseError` where the memory limit does not hold one node per face."""
         cost_model = self._costs(frame, rays)
-        start = time.perf_counter()
+        return self._planted(cost_model, BuildLog(), view, frame, rays, time.perf_counter())
+
+    def _planted(
+        self,
+        cost_model: CostModel,
+        log: BuildLog,
+        view: EyeBuffer,
+        frame: LightFrame,
+        rays: LightRays,
+        start: float,
+    ) -> AdaptiveState:
+        """A new tree, refined for a view at rest."""
         shape = self.tree_shape(frame.faces)
         refiner = Refiner(
-            self, shape, empty_tree(shape, self.compare), NodePool(shape), cost_model, BuildLog(),
+            self, shape, empty_tree(shape, self.compare), NodePool(shape), cost_model, log,
             view, frame, rays, start,
         )  # fmt: skip
         refiner.plant()
@@ -184,13 +195,13 @@ class AdaptiveShadowMap(ShadowAlgorithm[AdaptiveState]):
         start, host = time.perf_counter(), state.host
         shape = self.tree_shape(frame.faces)
         host.taken = True
-        if shape != state.shape:
-            return replace(self, cost_model=host.cost_model).build(view, frame, rays)
-        same_light = state.frame is frame or eqx.tree_equal(state.frame, frame)
-        pool = host.pool if same_light else NodePool(shape)
         log = host.log.next()
+        same_light = state.frame is frame or eqx.tree_equal(state.frame, frame)
         if not same_light:
             log.dropped += host.pool.used_pages
+        if shape != state.shape:
+            return self._planted(host.cost_model, log, view, frame, rays, start)
+        pool = host.pool if same_light else NodePool(shape)
         refiner = Refiner(
             self, shape, state.tree, pool, host.cost_model, log, view, frame, rays, start
         )

@@ -35,8 +35,9 @@ ENTRY_BYTES = 2 * 4
 CAMERA_BYTES = 160
 """Room for the camera that a state remembers."""
 
-PAGE_TABLES_BYTES = 49
-"""Bytes of a page in the host's tables (`NodePool`): square, order, use, benefit and waiting."""
+PAGE_TABLES_BYTES = 50
+"""Bytes of a page in the host's tables (`NodePool`): square, order, use, benefit and waiting, of
+which there is room for a 32nd of the pages."""
 
 PYRAMID_BYTES = 8
 """Bytes of a page's `Bounds` on the device."""

@@ -13,7 +13,7 @@ from asmjax.buffers import Receivers, SurfacePoints, double, light_offset, proje
 from asmjax.errors import require
 from asmjax.geometry import LightFrame
 from asmjax.numerics import scalar
-from asmjax.shadow.comparison import BIAS, FLATTEST, bias_distance
+from asmjax.shadow.comparison import BIAS, FLATTEST, depth_tolerance
 from asmjax.shadow.soft.hamburger import mean_blocker, shadow_intensity
 from asmjax.shadow.soft.light_taps import horizon, seen, share_above, shift_at, taps_of
 from asmjax.shadow.soft.summed import BYTES, Sums, scaled, summed, unscaled, window_moments
@@ -159,7 +159,7 @@ def _asked(
         texels.frame.perspective,
     )
     size = jnp.max(jnp.broadcast_to(wide, receivers.uv.shape), axis=0) / resolution
-    depth = depth - receivers.secant * bias_distance(receivers, size, bias)
+    depth = depth - depth_tolerance(receivers, size, bias)
     with jax.enable_x64(True):
         low = jnp.maximum(double(centre - half), 0)
         high = jnp.minimum(double(centre + half), resolution)

@@ -164,8 +164,8 @@ def place_in(
         straight = log == 0
         bent = jnp.where(straight, 1, log)
         rate = jnp.log1p(bent)
-        inside = jnp.maximum(bent * t, -1 + 1e-12)
-        t = jnp.where(straight, t, jnp.log1p(inside) / jnp.where(straight, 1, rate))
+        grown = jnp.maximum(bent * t, -1 + 1e-12)
+        t = jnp.where(straight, t, jnp.log1p(grown) / jnp.where(straight, 1, rate))
         at = s * columns, t * rows
         column, row = (jnp.floor(x) for x in at)
         inside = ahead & (column >= -1) & (column <= columns) & (row >= -1) & (row <= rows)
@@ -173,9 +173,8 @@ def place_in(
         fraction = [jnp.clip(x - k, 0, 1) for x, k in zip(at, (column, row), strict=True)]
         # The way back from the texel's centre, and how fast it moves there.
         s, t = (column + 0.5) / columns, (row + 0.5) / rows
-        grown = jnp.exp(t * rate)
-        pace = jnp.where(straight, 1, grown * rate / bent)
-        t = jnp.where(straight, t, (grown - 1) / bent)
+        pace = jnp.where(straight, 1, jnp.exp(t * rate) * rate / bent)
+        t = jnp.where(straight, t, jnp.expm1(t * rate) / bent)
         scale = dot(from_chart[2], (s, t, 1))
         centre = [dot(from_chart[k], (s, t, 1)) / scale for k in range(2)]
         steps = (1 / columns, pace / rows)

@@ -1,5 +1,6 @@
 """Maps partitioned along the view: cascades with practical, logarithmic or visible-depth splits."""
 
+import math
 from dataclasses import KW_ONLY, replace
 from typing import ClassVar, Literal
 
@@ -8,6 +9,7 @@ import numpy as np
 from asmjax.buffers import BLUR, EyeBuffer
 from asmjax.errors import check_choice, require
 from asmjax.geometry import Chart, LightFrame
+from asmjax.shadow.base import Status
 from asmjax.shadow.comparison import BIAS, Compare
 from asmjax.shadow.warped.body import Body, bodies
 from asmjax.shadow.warped.charted import ChartedShadowMap, Chosen
@@ -40,7 +42,8 @@ class PartitionedShadowMap(ChartedShadowMap):
         partitions: number of slabs, 1 to 16.
         blend: of logarithmic (1) and even (0) splits; 0.5 is the practical split scheme.
         near, far: eye depths that the splits are made for, scene units; None for the range that is
-            seen, as sample distribution maps (SDSM) do. Beyond them the end slabs go on.
+            seen, as sample distribution maps (SDSM) do. Beyond them the end slabs go on; where they
+            hold nothing that is seen, one slab is left, and the status is `FALLBACK`.
         warp: "none", or "light-space": a perspective in each slab.
         compare, bias: the shadow test; see `asmjax.shadow.comparison`.
     """
@@ -72,12 +75,13 @@ class PartitionedShadowMap(ChartedShadowMap):
             f"a blend of {self.blend} is not possible; allowed: 0 (even) to 1 (logarithmic).",
         )
         require(
-            self.near is None or self.near > 0,
-            f"splits from {self.near} on have no logarithm; allowed: above 0, or none.",
+            self.near is None or 0 < self.near < math.inf,
+            f"splits from {self.near} on have no logarithm; allowed: finite and above 0, or none.",
         )
         require(
-            self.far is None or self.far > (self.near or 0),
-            f"splits from {self.near} to {self.far} are empty; allowed: far beyond near, or none.",
+            self.far is None or (self.near or 0) < self.far < math.inf,
+            f"splits from {self.near} to {self.far} are empty or endless; allowed: a finite far "
+            "beyond near, or none.",
         )
         check_choice("warp", self.warp, Warp)
 
@@ -93,6 +97,9 @@ class PartitionedShadowMap(ChartedShadowMap):
         if not found:
             return Chosen([])
         near, far = depth_range(found, self.near, self.far)
+        asked = self.near is not None or self.far is not None
+        status = Status.FALLBACK if asked and near >= far else Status.COMPLETE
+        far = max(far, near * (1 + 1e-9))
         # Slabs that float32 depths do not tell apart would only share out the texels.
         count = 1 if far - near < THINNEST * far * self.partitions else self.partitions
         splits = split_depths(near, far, count, self.blend)
@@ -107,7 +114,7 @@ class PartitionedShadowMap(ChartedShadowMap):
                     chart = self._chart(frame, body.part(which), bool(which.all()), half)
                     slabs.append((float(least), chart))
             charts += joined(slabs)
-        return Chosen(charts)
+        return Chosen(charts, status)
 
     def _chart(self, frame: LightFrame, part: Body, whole: bool, half_view: float) -> Chart:
         if self.warp != "none":
@@ -135,8 +142,9 @@ def joined(slabs: list[tuple[float, Chart]]) -> list[Chart]:
 
 
 def depth_range(found: list[Body], near: float | None, far: float | None) -> tuple[float, float]:
-    """Eye depths (near, far): those given, else those seen."""
+    """Eye depths (near, far): those given, else those seen; far before near where the former hold
+    none of the latter."""
     depths = np.concatenate([body.eye_depth for body in found])
     near = float(depths.min()) if near is None else near
     far = float(depths.max()) if far is None else far
-    return near, max(far, near * (1 + 1e-9))
+    return near, far
