@@ -9,6 +9,7 @@ fails or is interrupted keeps it.
 
 import argparse
 import functools
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -28,7 +29,7 @@ from asmjax.report.figures.beside import draw_beside
 from asmjax.report.figures.growth import draw_growth
 from asmjax.report.measured import light_parts, method_records
 from asmjax.report.provenance import provenance
-from asmjax.report.stepwise import StepwiseRecord
+from asmjax.report.stepwise import StepwiseRecord, exit_code
 from asmjax.report.table import MB
 from asmjax.report.walk_record import COMPLETE, WalkRecord
 from asmjax.scene.other_scenes import OTHER_SCENES, other_scene, why_left_out
@@ -254,7 +255,7 @@ def run(folder: Path, sizes: Sizes, quiet: bool = False) -> dict:
     return analysis.record
 
 
-def main() -> None:
+def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--out", type=Path, default=Path("out/adaptive_shadow_maps_2001"))
     parser.add_argument("--quick", action="store_true", help="tiny sizes: tries it out in seconds")
@@ -263,7 +264,8 @@ def main() -> None:
     record = run(options.out, QUICK if options.quick else Sizes())
     print(bounds_table(bounds_of(record)))
     print(f"report and figures: {options.out}/report.md")
+    return exit_code(record)
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

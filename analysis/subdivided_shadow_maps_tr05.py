@@ -10,6 +10,7 @@ bounds, as report.json, report.md and PNG files; what is done is written after e
 
 import argparse
 import functools
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -19,6 +20,7 @@ from tr05.paper import bounds_of, bounds_table
 from tr05.sizes import QUICK, Analysis, Sizes
 
 from asmjax.cli import prepare_to_measure
+from asmjax.report.stepwise import exit_code
 
 THEORY: dict[str, Callable[[Analysis], None]] = {
     "equations": theory_steps.equations,
@@ -54,7 +56,7 @@ def _bound(steps: dict, analysis: Analysis) -> dict[str, Callable[[], None]]:
     return {name: functools.partial(step, analysis) for name, step in steps.items()}
 
 
-def main() -> None:
+def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--out", type=Path, default=Path("out/subdivided_shadow_maps_tr05"))
     parser.add_argument("--quick", action="store_true", help="small sizes: tries it out")
@@ -63,7 +65,8 @@ def main() -> None:
     record = run(options.out, QUICK if options.quick else Sizes())
     print(bounds_table(bounds_of(record)))
     print(f"report and figures: {options.out}/report.md")
+    return exit_code(record)
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -14,10 +14,11 @@ import dask.config
 from asmjax import machine
 from asmjax.errors import UseError
 from asmjax.experiment.code import code_facts
+from asmjax.libraries import LIBRARIES
 from asmjax.options.sweep import SweepOptions
 from asmjax.preparation import check_writable
 from asmjax.report.outputs import Outputs
-from asmjax.report.provenance import PACKAGES, provenance
+from asmjax.report.provenance import provenance
 from asmjax.sweep.config import Sweep, sweep_of
 from asmjax.sweep.driver import SweepResult, SweepStatus, run_sweep
 from asmjax.sweep.ended import End
@@ -84,10 +85,15 @@ def run_sweep_job(options: SweepOptions) -> SweepSummary | None:
                 write_summary(summary, folder, command)
             raise
         summary = replace(summary, result=result, seconds=time.monotonic() - start)
-        write_summary(summary, folder, command)
+        if not options.quiet and not result.left:
+            print(summary.text(folder))
+        try:
+            write_summary(summary, folder, command)
+        except UseError:
+            # What ended the sweep comes first.
+            _raise_if_left(result, folder)
+            raise
     _raise_if_left(result, folder)
-    if not options.quiet:
-        print(summary.text(folder))
     return summary
 
 
@@ -185,8 +191,8 @@ def _differences(there: dict[str, str], here: dict[str, str]) -> str:
     """Libraries of two versions; of asmjax itself its code is compared."""
     return ", ".join(
         f"{name} {there.get(name, 'unknown')} there and {here[name]} here"
-        for name in PACKAGES
-        if name != "asmjax" and there.get(name) != here[name]
+        for name in LIBRARIES
+        if there.get(name) != here[name]
     )
 
 

@@ -32,7 +32,7 @@ from asmjax.experiment.trial import Trial
 from asmjax.options import TuneOptions
 from asmjax.preparation import bench_of, calibrated
 from asmjax.render.load import load_scene
-from asmjax.report.stepwise import StepwiseRecord, head_of
+from asmjax.report.stepwise import StepwiseRecord, exit_code, head_of
 from asmjax.scene.other_scenes import OTHER_SCENES, other_scene, why_left_out
 from asmjax.shadow import AdaptiveShadowMap
 from asmjax.tune_job import chosen_views, held_out_benches
@@ -408,7 +408,7 @@ def document(record: Mapping) -> str:
     return "\n".join(lines) + "\n"
 
 
-def main() -> None:
+def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--smoke", action="store_true", help="tiny sizes, a few minutes")
     parser.add_argument("--out", type=Path, default=Path("out/accuracy_and_time"))
@@ -419,7 +419,8 @@ def main() -> None:
     study = Study(arguments.out, scenes, arguments.smoke)
     study.record.run(study.steps())
     print((arguments.out / "report.md").read_text(encoding="utf-8"))
+    return exit_code(study.record.record)
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -16,6 +16,7 @@ docs/images/skipped.png.
 
 import argparse
 import io
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -46,7 +47,7 @@ from asmjax.render.load import Scene, load_scene
 from asmjax.report.figures.board import CAPTION, EDGE, GAP, HEAD, Board, png
 from asmjax.report.figures.shading import shade
 from asmjax.report.figures.style import BACKGROUND, styled
-from asmjax.report.stepwise import StepwiseRecord, head_of
+from asmjax.report.stepwise import StepwiseRecord, exit_code, head_of
 from asmjax.scene.other_scenes import OTHER_SCENES, other_scene, why_left_out
 from asmjax.scene.spec import ViewSpec
 from asmjax.shadow import ALGORITHMS, AccumulatedShadowMap, ShadowAlgorithm, UniformShadowMap
@@ -388,23 +389,27 @@ def document(record: Mapping) -> str:
     return "\n".join(lines) + "\n"
 
 
-def main() -> None:
+def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--smoke", action="store_true", help="tiny sizes, under a minute")
     parser.add_argument("--out", type=Path, default=Path("out/effects"))
     parser.add_argument("--only", nargs="+", metavar="STEP", help="these steps alone")
     parser.add_argument("--docs", action="store_true", help="write docs/images/skipped.png too")
     arguments = parser.parse_args()
+    if arguments.docs and arguments.smoke:
+        parser.error("--docs is for a whole run; leave out --smoke.")
     prepare_to_measure()
     study = Study(arguments.out, arguments.smoke)
     steps = study.steps()
     chosen = {name: steps[name] for name in arguments.only or steps}
     study.record.run(chosen)
-    if arguments.docs and study.pictured:
+    failed = exit_code(study.record.record)
+    if arguments.docs and study.pictured and not failed:
         image = in_few_colours(draw(study.pictured))
         image.save(ROOT / "docs" / "images" / "skipped.png", optimize=True)
     print((arguments.out / "report.md").read_text(encoding="utf-8"))
+    return failed
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

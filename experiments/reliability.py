@@ -46,7 +46,7 @@ from helpers.sweep_trials import FakeTrial, fake_trials, sleepers  # noqa: E402
 from asmjax.machine import process_bytes  # noqa: E402
 from asmjax.paths import write_atomic  # noqa: E402
 from asmjax.report.provenance import provenance  # noqa: E402
-from asmjax.report.stepwise import StepwiseRecord  # noqa: E402
+from asmjax.report.stepwise import StepwiseRecord, exit_code  # noqa: E402
 from asmjax.sweep.config import sweep_of  # noqa: E402
 from asmjax.sweep.results import results  # noqa: E402
 from asmjax.sweep.trial import Outcome, run_trial  # noqa: E402
@@ -258,7 +258,7 @@ def place_of(told: str) -> str:
     return ("arrays/KEY.npz" if name.endswith(".npz") else name) if remedy else ""
 
 
-def main() -> None:
+def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--smoke", action="store_true", help="few kills and trials, 3 minutes")
     parser.add_argument("--out", type=Path, default=Path("out/reliability"))
@@ -271,6 +271,8 @@ def main() -> None:
     )
     parser.add_argument("--docs", action="store_true", help="write docs/reliability.md as well")
     arguments = parser.parse_args()
+    if arguments.docs and arguments.smoke:
+        parser.error("--docs is for a whole run; leave out --smoke.")
     started = time.monotonic()
     study = Study(arguments.out, arguments.smoke)
     steps = study.steps()
@@ -279,11 +281,13 @@ def main() -> None:
         study.take_over(report, arguments.only)
     study.record.run({name: steps[name] for name in arguments.only or steps})
     page = (arguments.out / "report.md").read_text(encoding="utf-8")
-    if arguments.docs:
+    failed = exit_code(study.record.record)
+    if arguments.docs and not failed:
         write_atomic(ROOT / "docs" / "reliability.md", page)
     print(page)
     print(f"{time.monotonic() - started:.0f} s")
+    return failed
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

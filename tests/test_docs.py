@@ -55,8 +55,10 @@ def test_an_algorithm_without_words_is_refused(monkeypatch):
 def test_every_script_has_a_row_in_its_readme(folder):
     """A folder's README lists each of its scripts, and nothing that is not there."""
     text = (ROOT / folder / "README.md").read_text(encoding="utf-8")
-    for script in (ROOT / folder).glob("*.py"):
-        assert f"`{script.name}`" in text
+    scripts = {script.name for script in (ROOT / folder).glob("*.py")}
+    rows = re.findall(r"^\| `([\w.]+\.py)`", text, re.M)
+    assert all(f"`{script}`" in text for script in scripts)
+    assert set(rows) <= scripts and len(set(rows)) == len(rows) > 0
 
 
 def test_experiment_finds_first_order_convergence(capsys, monkeypatch):

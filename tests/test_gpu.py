@@ -75,6 +75,10 @@ def test_files_that_hold_no_view_are_refused(tmp_path):
     with pytest.raises(UseError, match="save_view"):
         load_view(path)
     np.savez(path, settings=np.array("{}"))
+    path.write_bytes(path.read_bytes()[:-30])
+    with pytest.raises(UseError, match="holds no stored view"):
+        load_view(path)
+    np.savez(path, settings=np.array("{}"))
     with pytest.raises(UseError, match="no array points.position"):
         load_view(path)
 

@@ -11,7 +11,7 @@ PACKAGE = Path(__file__).parents[1] / "asmjax"
 
 # Lowest first; what stands in one row may not import its neighbours either.
 LAYERS = [
-    {"errors", "paths", "machine", "numerics", "interruption", "plain"},
+    {"errors", "paths", "machine", "libraries", "numerics", "interruption", "plain"},
     {"memory", "toml_files", "fronts", "writing"},
     {"options"},
     {"geometry"},

@@ -308,7 +308,8 @@ def test_a_light_that_needs_other_faces_starts_anew():
     state = algorithm.build(before.eye, before.frame, before.rays)
     held = state.pool.used_pages
     state = algorithm.update(state, after.eye, after.frame, after.rays)
-    assert algorithm.cost(state).nodes.dropped == held
+    nodes = algorithm.cost(state).nodes
+    assert nodes is not None and nodes.dropped == held
     lit, log2 = algorithm.lookup(state, after.eye.points)
     wrong = after.wrong(lit)
     assert (after.edge_distance[wrong] < after.texel_width(log2)[wrong]).all()

@@ -186,6 +186,16 @@ def test_a_settings_file_of_the_run_that_is_replaced_is_spared(tmp_path):
     options = RunOptions(out=str(folder), settings=str(folder / "tuned.toml"))
     with pytest.raises(UseError, match="belongs to the run in .* copy it to another folder"):
         results_folder(options)
+    (tmp_path / "link").symlink_to(folder)
+    (tmp_path / "linked.toml").symlink_to(folder / "tuned.toml")
+    (tmp_path / "other").mkdir()
+    roundabout = tmp_path / "other" / ".." / "out"
+    for out, settings in (
+        (folder, tmp_path / "link" / "tuned.toml"), (folder, tmp_path / "linked.toml"),
+        (tmp_path / "link", folder / "tuned.toml"), (roundabout, folder / "tuned.toml"),
+    ):  # fmt: skip
+        with pytest.raises(UseError, match="belongs to the run"):
+            results_folder(RunOptions(out=str(out), settings=str(settings)))
     put(folder, "mine.toml")
     results_folder(RunOptions(out=str(folder), settings=str(folder / "mine.toml")))
 

@@ -56,6 +56,10 @@ def test_what_is_added_is_there(tmp_path):
     assert found.arrays(KEYS[3])["lit"].tolist() == [[3, 3, 3], [3, 3, 3]]
     names = sorted(path.name for path in store.folder.iterdir())
     assert names == ["arrays", "sweep.lock", BASE], "a closed store is one plain file"
+    assert row.arrays is not None
+    row.arrays.write_bytes(row.arrays.read_bytes()[:-30])
+    with pytest.raises(UseError, match="cannot read .*npz.*restore it"):
+        found.arrays(KEYS[3])
 
 
 def test_what_is_done_stays_and_what_is_not_may_be_tried_again(tmp_path):

@@ -256,8 +256,8 @@ def test_sample_distribution_ignores_what_is_given_beyond():
 def test_splits_where_nothing_is_seen_are_told():
     """One slab is left, and the status says that it is not what was asked for."""
     case = along_a_plane(48)
-    for beyond in ({"far": 1e-3}, {"near": 1e6}):
-        algorithm = PartitionedShadowMap(64, partitions=4, **beyond)
+    for near, far in ((None, 1e-3), (1e6, None)):
+        algorithm = PartitionedShadowMap(64, partitions=4, near=near, far=far)
         state = algorithm.build(case.eye, case.frame, case.rays)
         assert len(algorithm.charts(case.eye, case.frame)) == 1
         assert algorithm.status(state) == Status.FALLBACK

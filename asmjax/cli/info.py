@@ -1,15 +1,13 @@
 """`asmjax info`: everything a bug report needs, and how to repair a slow set-up."""
 
-import importlib.metadata
 import json
 import platform
 from pathlib import Path
 from typing import Any
 
 from asmjax import paths
+from asmjax.libraries import versions
 from asmjax.options import MEGABYTE, InfoOptions
-
-PACKAGES = ("asmjax", "jax", "jaxlib", "numpy", "mitsuba", "drjit")
 
 
 def print_info(options: InfoOptions) -> None:
@@ -33,7 +31,7 @@ def collect() -> dict[str, dict[str, Any]]:
         "drjit": paths.drjit_cache_dir(),
     }
     return {
-        "versions": {"python": platform.python_version()} | _versions(),
+        "versions": {"python": platform.python_version()} | versions(),
         "renderer": {"variant": choose_variant() if verdict.usable else "scalar_rgb"},
         "llvm": {
             "path": verdict.path,
@@ -49,17 +47,6 @@ def collect() -> dict[str, dict[str, Any]]:
         }
         | {"calibrations": {"path": str(calibration_dir()), "count": _count(calibration_dir())}},
     }
-
-
-def _versions() -> dict[str, str | None]:
-    """Installed versions; None for asmjax itself when it runs from a source tree."""
-    found: dict[str, str | None] = {}
-    for name in PACKAGES:
-        try:
-            found[name] = importlib.metadata.version(name)
-        except importlib.metadata.PackageNotFoundError:
-            found[name] = None
-    return found
 
 
 def _count(folder: Path) -> int:

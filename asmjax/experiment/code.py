@@ -2,13 +2,11 @@
 
 import hashlib
 from functools import cache
-from importlib import metadata
 from pathlib import Path
 
-PACKAGE = Path(__file__).parents[1]
+from asmjax.libraries import LIBRARIES, version_of
 
-LIBRARIES = ("jax", "jaxlib", "mitsuba", "drjit", "numpy")
-"""Whose versions change what is measured."""
+PACKAGE = Path(__file__).parents[1]
 
 
 @cache
@@ -18,11 +16,7 @@ def code_facts() -> dict[str, str]:
     for path in sorted(PACKAGE.rglob("*.py")):
         found.update(f"{path.relative_to(PACKAGE).as_posix()}\n".encode())
         found.update(path.read_bytes())
-    return {"code": found.hexdigest()[:16], **{name: _version(name) for name in LIBRARIES}}
-
-
-def _version(name: str) -> str:
-    try:
-        return metadata.version(name)
-    except metadata.PackageNotFoundError:
-        return "none"
+    return {
+        "code": found.hexdigest()[:16],
+        **{name: version_of(name) or "none" for name in LIBRARIES},
+    }

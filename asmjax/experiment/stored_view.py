@@ -2,6 +2,8 @@
 
 import dataclasses
 import json
+import zipfile
+import zlib
 from pathlib import Path
 from typing import Any, cast
 
@@ -79,12 +81,15 @@ def load_view(path: Path) -> StoredView:
         UseError: the file cannot be read, or does not hold a view.
     """
     try:
-        with np.load(path) as file:
-            arrays = dict(file)
+        # NumPy leaves a file open that is no archive.
+        with path.open("rb") as file, np.load(file) as archive:
+            arrays = dict(archive)
         settings = json.loads(arrays["settings"].item())
         parts = {part: _part(part, kind, arrays) for part, kind in _PARTS.items()}
         return StoredView(**parts, shape=TreeShape(**settings["shape"]), bias=settings["bias"])
-    except (OSError, ValueError, KeyError, TypeError) as problem:
+    except (
+        OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile, zlib.error,
+    ) as problem:  # fmt: skip
         raise UseError(
             f"'{path}' holds no stored view ({problem}); write one with `save_view`."
         ) from problem

@@ -141,10 +141,14 @@ class Outputs:
 
     def spare(self, needed: str | os.PathLike | None) -> None:
         """Raise `UseError` if the run needs a file that it would delete."""
-        if needed is None or Path(needed).absolute().parent != self.path.absolute():
+        if needed is None:
             return
+        # However it is spelled: by way of `..`, of a link to the folder, or as a link to the file.
+        folder, path = self.path.resolve(), Path(needed)
+        ways = (path.parent.resolve() / path.name, path.resolve())
+        own = {way.name for way in ways if way.parent == folder}
         require(
-            Path(needed).name not in _listed(self.path, read_report(self.path)),
+            own.isdisjoint(_listed(self.path, read_report(self.path)) if own else ()),
             f"'{needed}' belongs to the run in '{self.path}', which this one replaces; copy it to "
             "another folder, or choose another --out.",
         )

@@ -1,12 +1,9 @@
 """Where numbers come from: versions and machine, told without importing anything heavy."""
 
 import platform
-from importlib import metadata
 
 from asmjax import machine
-
-PACKAGES = ("asmjax", "jax", "jaxlib", "equinox", "numpy", "scipy", "mitsuba", "drjit")
-"""Packages whose versions can change a result."""
+from asmjax.libraries import versions
 
 
 def provenance(variant: str, device: str = "cpu") -> dict:
@@ -16,8 +13,9 @@ def provenance(variant: str, device: str = "cpu") -> dict:
         variant: the Mitsuba variant that casts the rays.
         device: where the JAX kernels run.
     """
+    installed = {name: version or "not installed" for name, version in versions().items()}
     return {
-        "versions": {"python": platform.python_version()} | _versions(),
+        "versions": {"python": platform.python_version()} | installed,
         "machine": {
             "cpu": machine.cpu_name(),
             "cores": machine.usable_cores(),
@@ -26,14 +24,3 @@ def provenance(variant: str, device: str = "cpu") -> dict:
             "variant": variant,
         },
     }
-
-
-def _versions() -> dict[str, str]:
-    found = {}
-    for name in PACKAGES:
-        try:
-            found[name] = metadata.version(name)
-        except metadata.PackageNotFoundError:
-            # A source tree on the path is not installed; absent says so.
-            found[name] = "not installed"
-    return found

@@ -100,9 +100,28 @@ class StepwiseRecord:
             gc.collect()
 
 
+def failed_steps(record: Mapping) -> dict[str, str]:
+    """Why, by step, of the steps of a record that failed."""
+    steps = record["steps"].items()
+    return {name: step["reason"] for name, step in steps if step["status"] == "failed"}
+
+
+def exit_code(record: Mapping) -> int:
+    """For a script that ends with this record: 1 if a step failed. What the others found is written
+    all the same, and whether bounds are met is theirs to say."""
+    return int(bool(failed_steps(record)))
+
+
 def head_of(record: Mapping) -> list[str]:
-    """Title, command and bounds of a written record: the lines that a document begins with."""
-    lines = [f"# {record['title']}", "", f"`{record['command']}`", "", "## Bounds", ""]
+    """Title, command, what is missing, and bounds of a written record: the lines that a document
+    begins with."""
+    lines = [f"# {record['title']}", "", f"`{record['command']}`", ""]
+    missing = [f"* **step '{name}' failed**: {why}" for name, why in failed_steps(record).items()]
+    left = record.get("left_out", ())
+    left = [f"{step}: {why}" for step, why in left.items()] if isinstance(left, Mapping) else left
+    missing += [f"* left out: {what}" for what in left]
+    lines += [*missing, ""] if missing else []
+    lines += ["## Bounds", ""]
     lines += ["| requirement | measured | bound | |", "| --- | ---: | ---: | --- |"]
     for bound in record["bounds"]:
         measured = "-" if bound["measured"] is None else f"{bound['measured']:.3g}"

@@ -14,6 +14,8 @@ import importlib
 import io
 import json
 import os
+import zipfile
+import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -88,9 +90,10 @@ class Results:
         if row.arrays is None:
             return {}
         try:
-            with np.load(row.arrays, allow_pickle=False) as file:
-                return dict(file)
-        except (OSError, ValueError) as problem:
+            # NumPy leaves a file open that is no archive.
+            with open(row.arrays, "rb") as file, np.load(file, allow_pickle=False) as archive:
+                return dict(archive)
+        except (OSError, ValueError, zipfile.BadZipFile, zlib.error) as problem:
             raise UseError(f"cannot read '{row.arrays}' ({problem}); restore it.") from problem
 
     def to_csv(self, path: str | Path) -> None:

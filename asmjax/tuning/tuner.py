@@ -284,6 +284,8 @@ class Tuner:
         assert tuned is not None
         outcome = self._outcome(tuned, standing, stopped)
         finalists = {id(one): one for some in finals.values() for one in some}
+        # Known of all, or of none: what came after it was said is not among it.
+        known = self._said.shape[1] == len(self.tried.all)
         unsaid = np.full((2, len(self.tried.all)), np.nan)
         return TuneResult(
             scene=self.scene,
@@ -300,8 +302,8 @@ class Tuner:
             finalists=tuple(finalists.values()),
             tried=tuple(self.tried.all),
             calibrations=self.calibrations,
-            said=unsaid if stopped else self._said,
-            rank_correlation=float("nan") if stopped else self._correlation(),
+            said=self._said if known else unsaid,
+            rank_correlation=self._correlation() if known else float("nan"),
             sensitivity=self._sensitivity,
             front=self._front,
             evaluations=self.evaluations,

@@ -64,7 +64,6 @@ def document(record: Mapping[str, Any]) -> str:
     lines = head_of(record)
     lines += ["", f"{machine['cpu']}, {machine['cores']} cores; Python "
               f"{record['versions']['python']}."]  # fmt: skip
-    lines += [f"Left out: {step}, as {why}." for step, why in record["left_out"].items()]
     for step, words in WORDS.items():
         if step in record:
             lines += ["", *words(record[step])]

@@ -19,8 +19,6 @@ def between_files() -> None:
     """
     if process_bytes() > MOST_BYTES:
         jax.clear_caches()
-        gc.unfreeze()
-        gc.collect()
         # Without it the process stays as large, and this would happen after every file.
         with suppress(AttributeError, OSError):
             ctypes.CDLL(None).malloc_trim(0)
