@@ -167,13 +167,14 @@ def test_four_digits():
     ]  # fmt: skip
 
 
-def test_command_line(script, tmp_path, monkeypatch, capsys):
-    """--out and --quick reach the run; the table of bounds is printed."""
+@pytest.mark.parametrize("status", ["done", "failed"])
+def test_command_line(script, tmp_path, monkeypatch, capsys, status):
+    """--out and --quick reach the run; the table of bounds is printed; 1 where a step failed."""
     names = script["main"].__globals__
-    seen = []
-    monkeypatch.setitem(names, "run", lambda folder, sizes: seen.append((folder, sizes)) or {})
+    seen, record = [], {"steps": {"a step": {"status": status, "reason": "", "seconds": 0.0}}}
+    monkeypatch.setitem(names, "run", lambda folder, sizes: seen.append((folder, sizes)) or record)
     monkeypatch.setitem(names, "enable_compilation_cache", lambda: None)
     monkeypatch.setattr(sys, "argv", ["x", "--quick", "--out", str(tmp_path)])
-    script["main"]()
+    assert script["main"]() == (status == "failed")
     assert seen == [(tmp_path, script["QUICK"])]
     assert bounds_table([]).splitlines()[0] in capsys.readouterr().out
