@@ -210,7 +210,7 @@ class Tuning:
             deadline=deadline,
             progress=progress,
         ).run()
-        told = [*found.notices, *([found.advice] if found.advice else [])]
+        told = [found.advice] if found.advice else []
         return TuningResult(
             found=found,
             variant=self.scene.variant,

@@ -1,7 +1,7 @@
 """What tuning found: settings beside their rivals, all as measured, and what the surrogate says."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import Enum
 from typing import Any
 
@@ -173,7 +173,6 @@ class TuneResult:
     evaluations: int
     reused: int
     seconds: float
-    notices: tuple[str, ...] = field(default=())
 
     @property
     def settings(self) -> dict[str, Any]:

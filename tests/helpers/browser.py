@@ -113,10 +113,6 @@ class Browser:
             self("Input.dispatchKeyEvent", type=kind, key=key, code=key,
                  windowsVirtualKeyCode=codes[key])  # fmt: skip
 
-    def screenshot(self, path: Path) -> None:
-        """Write what the window shows as PNG."""
-        path.write_bytes(base64.b64decode(self("Page.captureScreenshot")["data"]))
-
     def print_to(self, path: Path) -> None:
         """Write what a printer would get as PDF."""
         printed = self("Page.printToPDF", printBackground=True, preferCSSPageSize=True)

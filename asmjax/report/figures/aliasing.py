@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator, NullLocator
 
 from asmjax.report.figures.board import CAPTION, EDGE, HEAD, Board
+from asmjax.report.figures.labels import tick_words
 from asmjax.report.figures.style import FAINT, INK, styled
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
@@ -179,13 +180,5 @@ def _legend(board: Board, axes: Axes, panels: int) -> None:
 
 def _logarithmic(axes: Axes) -> None:
     axes.set_yscale("log")
-    axes.yaxis.set_major_formatter(FuncFormatter(_written))
+    axes.yaxis.set_major_formatter(FuncFormatter(tick_words))
     axes.yaxis.set_minor_locator(NullLocator())
-
-
-def _written(value: float, _) -> str:
-    """A tick of a logarithmic axis: whole numbers, and powers of ten from 10^4 on."""
-    if value >= 1e4:
-        exponent = str(round(np.log10(value)))
-        return "10" + exponent.translate(str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹"))
-    return f"{value:g}"

@@ -134,3 +134,11 @@ def _lead(axes: Axes, point: tuple[float, float], place: _Place, colour: str) ->
         arrowprops={"arrowstyle": "-", "color": colour, "linewidth": 0.6, "shrinkA": 6},
         zorder=4,
     )
+
+
+def tick_words(value: float, _) -> str:
+    """A tick of a logarithmic axis: whole numbers, and powers of ten from 10^4 on."""
+    if value >= 1e4:
+        exponent = str(round(np.log10(value)))
+        return "10" + exponent.translate(str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹"))
+    return f"{value:g}"

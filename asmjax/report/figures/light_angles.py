@@ -10,6 +10,7 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullForma
 
 from asmjax.report.figures.board import CAPTION, EDGE, HEAD, Board
 from asmjax.report.figures.families import look_of
+from asmjax.report.figures.labels import tick_words
 from asmjax.report.figures.style import FAINT, INK, styled
 
 _WIDTH, _HEIGHT = 540, 520
@@ -130,16 +131,8 @@ def _scales(axes: Axes, half: float) -> None:
     axes.xaxis.set_major_locator(FixedLocator(range(0, 91, 15)))
     low, high = axes.get_ylim()
     axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < 200 * low else (1.0,)))
-    axes.yaxis.set_major_formatter(FuncFormatter(_written))
+    axes.yaxis.set_major_formatter(FuncFormatter(tick_words))
     axes.yaxis.set_minor_formatter(NullFormatter())
     axes.axvline(half, color=FAINT, linewidth=0.8, dashes=(2, 2), zorder=0.5)
     if low < 1 < high:
         axes.axhline(1.0, color=FAINT, linewidth=0.8, zorder=0.5)
-
-
-def _written(value: float, _) -> str:
-    """A tick of a logarithmic axis: whole numbers, and powers of ten from 10^4 on."""
-    if value >= 1e4:
-        exponent = str(round(np.log10(value)))
-        return "10" + exponent.translate(str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹"))
-    return f"{value:g}"
