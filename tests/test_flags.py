@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from asmjax.cli.flags import FLAGS, FlagFormatter, in_flags
-from asmjax.options import RunOptions
+from asmjax.options import PlanOptions, RunOptions, SweepOptions, TuneOptions
 from asmjax.shadow import Status
 
 PACKAGE = Path(__file__).parents[1] / "asmjax"
@@ -52,6 +52,16 @@ def test_no_message_of_the_library_names_an_option():
 )
 def test_the_command_line_says_its_options(told, said):
     assert in_flags(told) == said
+
+
+def test_options_of_other_commands_are_no_remedy():
+    """`asmjax tune` has no --node-resolution, and `asmjax plan` no --light."""
+    said = in_flags("raise `memory_bytes` or lower `node_resolution`", TuneOptions)
+    assert said == "raise --memory-mb or lower node_resolution"
+    assert in_flags("another `light`, or `trust=True`", PlanOptions) == (
+        "another light, or --trust-scene"
+    )
+    assert in_flags("raise `max_memory_mb`", SweepOptions) == "raise --max-memory"
 
 
 def test_warnings_are_said_alike():

@@ -97,15 +97,20 @@ def main(arguments: list[str] | None = None) -> int:
     """Run the command line `arguments` (without the program name) and return the exit code."""
     arguments = sys.argv[1:] if arguments is None else arguments
     told = logging.StreamHandler()
-    told.setFormatter(FlagFormatter("%(name)s: %(levelname)s: %(message)s"))
+    words = FlagFormatter("%(name)s: %(levelname)s: %(message)s")
+    told.setFormatter(words)
     logging.basicConfig(handlers=[told], level=logging.WARNING)
     try:
         with interruption_waits():
             action, options = prepared(arguments)
+        words.command = type(options)
         action(options)
         sys.stdout.flush()
     except UseError as problem:
-        print(f"asmjax: error: {in_flags(' '.join(str(problem).split()))}", file=sys.stderr)
+        print(
+            f"asmjax: error: {in_flags(' '.join(str(problem).split()), words.command)}",
+            file=sys.stderr,
+        )
         return 2
     except KeyboardInterrupt as stop:
         # A command that could save something says what and where.

@@ -18,32 +18,44 @@ and a setting that is no option keeps its name."""
 _NAMED = re.compile(r"`([a-z]\w*(?:=True)?)`")
 
 
-def in_flags(text: str) -> str:
-    """`text` with options where it names fields in backticks."""
-    return _NAMED.sub(lambda named: _flag(named[1]), text)
+def in_flags(text: str, command: type | None = None) -> str:
+    """`text` with options where it names fields in backticks.
+
+    Args:
+        command: whose options there are; of all commands if None. What is no option of it keeps its
+            name: a remedy that the command line does not take would be none.
+    """
+    names = _option_names(command)
+    return _NAMED.sub(lambda named: _flag(named[1], names), text)
 
 
-def _flag(field: str) -> str:
-    if field in FLAGS:
-        return FLAGS[field]
-    return f"--{field.replace('_', '-')}" if field in _option_names() else field
+def _flag(field: str, names: frozenset[str]) -> str:
+    flag = FLAGS.get(field, f"--{field.replace('_', '-')}")
+    stem = flag[2:].replace("-", "_")
+    # Units may be left out of an option's name.
+    there = any(name.startswith(stem) for name in names) if field in FLAGS else field in names
+    return flag if there else field
 
 
 @functools.cache
-def _option_names() -> frozenset[str]:
+def _option_names(command: type | None) -> frozenset[str]:
     from asmjax import options
 
-    kinds = (kind for kind in vars(options).values() if isinstance(kind, type))
-    return frozenset(
-        field.name
-        for kind in kinds
-        if dataclasses.is_dataclass(kind)
-        for field in dataclasses.fields(kind)
-    )
+    kinds = [command] if command else [
+        kind for kind in vars(options).values()
+        if isinstance(kind, type) and dataclasses.is_dataclass(kind)
+    ]  # fmt: skip
+    return frozenset(field.name for kind in kinds for field in dataclasses.fields(kind))
 
 
 class FlagFormatter(logging.Formatter):
-    """Warnings in the words of the command line."""
+    """Warnings in the words of the command line.
+
+    Attributes:
+        command: the class of its options, once they are known.
+    """
+
+    command: type | None = None
 
     def format(self, record: logging.LogRecord) -> str:
-        return in_flags(super().format(record))
+        return in_flags(super().format(record), self.command)
