@@ -84,9 +84,11 @@ def _ask_tyro(form: Any, arguments: list[str]) -> Any:
     except SystemExit as end:
         if not end.code:
             raise
-    # Once more in a wide terminal: wrapped lines cannot be joined without guessing.
-    box = io.StringIO()
-    with _columns("2000"), contextlib.redirect_stderr(box), contextlib.suppress(SystemExit):
+    # Once more in a terminal wide enough for every word that was given: wrapped lines cannot be
+    # joined without guessing. Words of spaces alone are told in quotes.
+    options["args"] = [word if word.strip() else repr(word) for word in arguments]
+    box, width = io.StringIO(), 2000 + sum(map(len, arguments))
+    with _columns(str(width)), contextlib.redirect_stderr(box), contextlib.suppress(SystemExit):
         tyro.cli(form, **options)
     raise UseError(flatten_box(box.getvalue()))
 

@@ -49,6 +49,8 @@ def shown(word: str) -> str:
     """How a message may have it, short of words that every message has by chance."""
     if word.startswith("--") and len(word) > 2:
         return word
+    if not word.strip():
+        return f" {word!r}"
     return f" {UseError(word)}"
 
 
@@ -185,6 +187,12 @@ def test_hostile_toml(content, tmp_path):
     with pytest.raises(UseError) as problem:
         read_settings(path)
     assert "settings.toml" in str(problem.value) and one_line(str(problem.value))
+
+
+def test_a_word_is_told_whole_however_long_it_is():
+    """It was cut into lines of 2,000 characters, and joined with spaces."""
+    with pytest.raises(UseError, match=f"Unrecognized options: {'x' * 3000}"):
+        parse(["info", "--json", "x" * 3000], cli.COMMANDS)
 
 
 @pytest.mark.parametrize("option", ["--seed", "--repeats", "--samples", "--memory-mb"])
