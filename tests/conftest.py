@@ -27,7 +27,7 @@ if "ASMJAX_TEST_SCRATCH" not in os.environ:
     os.environ["JAX_COMPILATION_CACHE_DIR"] = os.path.join(_scratch, "jax")
     os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0.1"
     os.environ["JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES"] = "-1"
-    # A third as long; the longer profiles compile as users do.
+    # Less than half of it; the longer profiles compile as users do.
     if PROFILE == "fast":
         quick = (
             "--xla_backend_optimization_level=0 --xla_llvm_disable_expensive_passes=true "

@@ -72,7 +72,7 @@ SHADOW_TEST = {
     "compare": "what decides: the depth of the nearest surface, its primitive's id, or lit if "
     "either says so.",
     "bias": "distance along the receiver's normal by which a caster must be nearer, in parts of "
-    "the receiver's depth.",
+    "the distance to the light; under parallel light, of the receiver's depth.",
 }
 """What the settings mean that all algorithms share."""
 

@@ -161,21 +161,10 @@ class AdaptiveShadowMap(ShadowAlgorithm[AdaptiveState]):
     def build(self, view: EyeBuffer, frame: LightFrame, rays: LightRays) -> AdaptiveState:
         """Raises `UseError` where the memory limit does not hold one node per face."""
         cost_model = self._costs(frame, rays)
-        return self._planted(cost_model, BuildLog(), view, frame, rays, time.perf_counter())
-
-    def _planted(
-        self,
-        cost_model: CostModel,
-        log: BuildLog,
-        view: EyeBuffer,
-        frame: LightFrame,
-        rays: LightRays,
-        start: float,
-    ) -> AdaptiveState:
-        """A new tree, refined for a view at rest."""
+        start = time.perf_counter()
         shape = self.tree_shape(frame.faces)
         refiner = Refiner(
-            self, shape, empty_tree(shape, self.compare), NodePool(shape), cost_model, log,
+            self, shape, empty_tree(shape, self.compare), NodePool(shape), cost_model, BuildLog(),
             view, frame, rays, start,
         )  # fmt: skip
         refiner.plant()
@@ -189,27 +178,27 @@ class AdaptiveShadowMap(ShadowAlgorithm[AdaptiveState]):
 
         A view at rest is refined until nothing is left to gain; a moving one is followed with one
         turn's share of its pixels. Nodes that moving casters touch are cast again if they were used
-        lately, else given up. Under a light frame that is not the same, all nodes are.
+        lately, else given up. Under a light frame that is not the same, all nodes are; one of
+        another number of faces begins with a new tree, as `build` does.
         """
         state.check_owned()
         start, host = time.perf_counter(), state.host
         shape = self.tree_shape(frame.faces)
         host.taken = True
         log = host.log.next()
-        same_light = state.frame is frame or eqx.tree_equal(state.frame, frame)
+        same_shape = shape == state.shape
+        same_light = same_shape and (state.frame is frame or eqx.tree_equal(state.frame, frame))
+        tree = state.tree if same_shape else empty_tree(shape, self.compare)
+        pool = host.pool if same_light else NodePool(shape)
         if not same_light:
             log.dropped += host.pool.used_pages
-        if shape != state.shape:
-            return self._planted(host.cost_model, log, view, frame, rays, start)
-        pool = host.pool if same_light else NodePool(shape)
-        refiner = Refiner(
-            self, shape, state.tree, pool, host.cost_model, log, view, frame, rays, start
-        )
+        refiner = Refiner(self, shape, tree, pool, host.cost_model, log, view, frame, rays, start)
         if not same_light:
             refiner.plant()
         elif moved is not None:
             refiner.renew(touched(pool, state.tree, frame, moved))
-        if same_light and moved is None and eqx.tree_equal(host.camera, view.camera):
+        at_rest = same_light and moved is None and eqx.tree_equal(host.camera, view.camera)
+        if at_rest or not same_shape:
             refiner.rest()
         else:
             refiner.follow()
