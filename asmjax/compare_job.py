@@ -36,11 +36,12 @@ from asmjax.preparation import (
     check_edges,
     check_named,
     chosen_maps,
+    chosen_scene,
     chosen_view,
     sight_of,
     sized,
 )
-from asmjax.render.load import Scene, load_scene
+from asmjax.render.load import Scene
 from asmjax.report.compare_files import write_comparison
 from asmjax.report.compare_record import report_of_comparison
 from asmjax.report.compare_result import ComparisonResult, SeenView
@@ -176,12 +177,7 @@ class Comparing:
         families = families_of(options.methods)
         chosen = chosen_maps(options)
         check_named(options, chosen, families)
-        self.scene = load_scene(
-            options.scene,
-            options.variant,
-            trust=options.trust_scene,
-            limit=limit_of(options.max_memory_mb),
-        )
+        self.scene = chosen_scene(options)
         self.views = _views(self.scene, options)
         self._samples = list(dict.fromkeys(options.samples))
         limit = limit_of(options.max_memory_mb)

@@ -1,7 +1,8 @@
 """The two kinds of error: wrong use raises, trouble at run time is a status in the result."""
 
+import contextlib
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from typing import Any, get_args
 
 
@@ -49,3 +50,12 @@ def require(condition: bool, message: str) -> None:
     """Raise `UseError(message)` unless `condition` holds."""
     if not condition:
         raise UseError(message)
+
+
+@contextlib.contextmanager
+def file_errors(failed: str, remedy: str) -> Iterator[None]:
+    """An `OSError` inside becomes a `UseError`: what failed, the system's reason, the remedy."""
+    try:
+        yield
+    except OSError as problem:
+        raise UseError(f"{failed} ({problem.strerror or problem}); {remedy}.") from problem

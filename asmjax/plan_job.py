@@ -12,8 +12,7 @@ from asmjax.job_memory import Sight, plan_stages
 from asmjax.memory import check, limit_of
 from asmjax.options import PlanOptions, force_of, given_options
 from asmjax.planning import asked_of, known_rates, measured_rates
-from asmjax.preparation import Progress, StepBar, chosen_view
-from asmjax.render.load import load_scene
+from asmjax.preparation import Progress, StepBar, chosen_scene, chosen_view
 from asmjax.report.plan_files import report_of_plan, write_plan
 from asmjax.report.plan_result import PlanResult
 from asmjax.report.plan_table import plan_table
@@ -55,8 +54,7 @@ def plan_scene(
     options = given_options(PlanOptions, options, changes)
     progress("scene")
     force = force_of(options.force)
-    limit = limit_of(options.max_memory_mb)
-    scene = load_scene(options.scene, options.variant, trust=options.trust_scene, limit=limit)
+    scene = chosen_scene(options)
     view = chosen_view(scene, options)
     width, height = probe_size(view.width, view.height)
     sight = Sight(width, height, 1, scene.variant.startswith("scalar"))

@@ -10,7 +10,7 @@ import numpy as np
 from tqdm import tqdm
 
 from asmjax.buffers import EyeBuffer, LightRays
-from asmjax.errors import UseError, require
+from asmjax.errors import UseError, file_errors, require
 from asmjax.experiment import Measured, measure_rays
 from asmjax.experiment.bench import Bench
 from asmjax.experiment.code import code_facts
@@ -120,12 +120,7 @@ def subject_of(
             memory than may be taken.
     """
     progress("scene")
-    scene = load_scene(
-        options.scene,
-        options.variant,
-        trust=options.trust_scene,
-        limit=limit_of(options.max_memory_mb),
-    )
+    scene = chosen_scene(options)
     view = chosen_view(scene, options)
     light = scene.light(options.light)
     sight, limit = sight_of(scene, view, options.samples), limit_of(options.max_memory_mb)
@@ -212,18 +207,20 @@ def check_edges(bench: Bench, scene: Scene) -> None:
 
 def check_writable(folder: Path) -> None:
     """Raise `UseError` if `folder` cannot be made or written to: before any work is done for it."""
-    try:
+    with file_errors(f"cannot write results to '{str(folder)[:80]}'", "choose another --out"):
         existing = next(path for path in (folder, *folder.absolute().parents) if path.exists())
-    except OSError as problem:
-        raise UseError(
-            f"cannot write results to '{str(folder)[:80]}' ({problem.strerror}); choose another "
-            "--out."
-        ) from problem
     if not existing.is_dir() or not os.access(existing, os.W_OK):
         raise UseError(
             f"cannot write results to '{folder}': '{existing}' is not a writable folder; choose "
             "another --out."
         )
+
+
+def chosen_scene(options: ViewJobOptions) -> Scene:
+    """The scene that the options name, within the memory that they allow. Raises `UseError` as
+    `load_scene`."""
+    limit = limit_of(options.max_memory_mb)
+    return load_scene(options.scene, options.variant, trust=options.trust_scene, limit=limit)
 
 
 def chosen_view(scene: Scene, options: ViewJobOptions) -> ViewSpec:

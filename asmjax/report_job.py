@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from asmjax.errors import UseError, require
+from asmjax.errors import file_errors, require
 from asmjax.options import ReportOptions
 from asmjax.report.outputs import PAGE, own_page
 from asmjax.report.page import SECTIONS, write_page
@@ -35,12 +35,8 @@ def run_report(options: ReportOptions) -> Path:
         f"'{path}' is not a page that asmjax made; move it away, or give --out.",
     )
     if options.out:
-        try:
+        with file_errors(f"cannot write the page to '{path}'", "choose another --out"):
             path.parent.mkdir(parents=True, exist_ok=True)
-        except OSError as problem:
-            raise UseError(
-                f"cannot write the page to '{path}' ({problem.strerror}); choose another --out."
-            ) from problem
     size = write_page(folders, path, ALL_SECTIONS, check_report)
     if not options.quiet:
         print(f"page: {path} ({megabytes(size)})")

@@ -5,7 +5,7 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-from asmjax.errors import UseError, require
+from asmjax.errors import UseError, file_errors, require
 
 LARGEST_FILE = 2**20
 """Bytes of the largest file that is read."""
@@ -35,13 +35,11 @@ def read_toml(path: str | os.PathLike, kind: str) -> dict[str, Any]:
 
 
 def _text_of(path: Path, kind: str) -> str:
-    try:
-        with path.open("rb") as file:
-            data = file.read(LARGEST_FILE + 1)
-    except OSError as problem:
-        raise UseError(
-            f"cannot read the {kind} '{str(path)[:80]}' ({problem.strerror}); name another."
-        ) from problem
+    with (
+        file_errors(f"cannot read the {kind} '{str(path)[:80]}'", "name another"),
+        path.open("rb") as file,
+    ):
+        data = file.read(LARGEST_FILE + 1)
     require(
         len(data) <= LARGEST_FILE,
         f"'{path}' is larger than {LARGEST_FILE} bytes; that is no {kind}.",

@@ -27,11 +27,12 @@ from asmjax.preparation import (
     bench_of,
     calibrated,
     check_edges,
+    chosen_scene,
     chosen_view,
     sight_of,
     sized,
 )
-from asmjax.render.load import Scene, load_scene
+from asmjax.render.load import Scene
 from asmjax.report.compare_result import SeenView
 from asmjax.report.measured import light_text
 from asmjax.report.outputs import Outputs
@@ -161,12 +162,7 @@ class Tuning:
         self._options, self._start = options, time.perf_counter()
         chosen = default_map(options)
         progress("scene")
-        self.scene = scene = load_scene(
-            options.scene,
-            options.variant,
-            trust=options.trust_scene,
-            limit=limit_of(options.max_memory_mb),
-        )
+        self.scene = scene = chosen_scene(options)
         tuned_on, held_out = chosen_views(scene, options)
         sights = [sight_of(scene, view, 1) for view in (*tuned_on, *held_out)]
         lamp = scene.light_rays_memory(options.light)

@@ -24,12 +24,13 @@ from asmjax.preparation import (
     aimed,
     calibrated,
     chosen_maps,
+    chosen_scene,
     chosen_view,
     sample_offsets,
     sight_of,
     sized,
 )
-from asmjax.render.load import Scene, load_scene
+from asmjax.render.load import Scene
 from asmjax.render.moving import MovingShapes
 from asmjax.report.walk_files import WalkFiles
 from asmjax.report.walk_record import COMPLETE, WalkRecord, WalkSetting
@@ -127,12 +128,7 @@ class Walk:
             "leave out --frames.",
         )
         self._options, self._progress = options, progress
-        self._scene = scene = load_scene(
-            options.scene,
-            options.variant,
-            trust=options.trust_scene,
-            limit=limit_of(options.max_memory_mb),
-        )
+        self._scene = scene = chosen_scene(options)
         self._light = scene.light(options.light)
         self._path, name = camera_path(scene, options)
         self._mover = MovingShapes(scene, options.object) if options.motion == "object" else None

@@ -33,7 +33,7 @@ from asmjax.shadow import (
     UniformShadowMap,
 )
 from asmjax.shadow.filtered import KERNELS, Kernel
-from asmjax.shadow.filtered.footprint import box_of, stratified
+from asmjax.shadow.filtered.footprint import box_of, stratified_share
 from asmjax.shadow.filtered.pixels import noise, pixel_of
 from asmjax.shadow.filtered.windows import box, dithered
 
@@ -185,7 +185,9 @@ def test_many_samples_are_the_area_of_the_box(half):
     at = places.astype(np.float32)
     halves = jnp.repeat(jnp.asarray(half, jnp.float32)[:, None], POINTS, axis=1)
     pixel = jnp.stack([jnp.arange(POINTS), jnp.arange(POINTS) % 7]).astype(jnp.int32)
-    sampled = eqx.filter_jit(lambda strata: stratified(painted(picture, at), halves, pixel, strata))
+    sampled = eqx.filter_jit(
+        lambda strata: stratified_share(painted(picture, at), halves, pixel, strata)
+    )
     expected = ref_area(picture, at.astype(np.float64), np.asarray(half)[:, None])
     errors = [np.abs(np.asarray(sampled(strata)) - expected) for strata in (4, 64)]
     assert errors[1].max() < 0.02 and errors[0].mean() > 4 * errors[1].mean()

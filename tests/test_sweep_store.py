@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers.sweep_trials import FakeOutcome, fake_trials
+from helpers.sweep_trials import FakeOutcome, fake_trials, outcome
 
 from asmjax.errors import UseError
 from asmjax.sweep import store as module
@@ -20,13 +20,6 @@ from asmjax.sweep.results import results
 from asmjax.sweep.store import BASE, Store, StoreError, journal_of, stored_rows
 
 KEYS = [trial.key for trial in fake_trials(8)]
-
-
-def outcome(config: dict) -> FakeOutcome:
-    """A record with tables, NumPy's numbers and one that is not finite, and an array."""
-    number = config["number"]
-    record = {"error": {"wrong": np.float32(number) / 4}, "ratio": np.inf, "name": f"no. {number}"}
-    return FakeOutcome(record, {"lit": np.full((2, 3), number, np.float32)})
 
 
 def ended(number: int) -> Ended:

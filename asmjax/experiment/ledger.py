@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from asmjax.errors import UseError, require
+from asmjax.errors import UseError, file_errors, require
 from asmjax.writing import why
 
 FORMAT = "asmjax/measurement/1"
@@ -112,12 +112,8 @@ def _last_byte(file) -> bytes:
 
 def _entries(path: Path) -> Iterator[tuple[str, dict]]:
     """Keys and measurements of the lines of a file that are whole."""
-    try:
+    with file_errors(f"cannot read the measurements in '{path}'", "choose another `out`"):
         text = path.read_text(encoding="utf-8", errors="replace")
-    except OSError as problem:
-        raise UseError(
-            f"cannot read the measurements in '{path}' ({problem.strerror}); choose another `out`."
-        ) from problem
     lines = {number: line for number, line in enumerate(text.split("\n"), 1) if line.strip()}
     first = next(iter(lines.values()), "")
     require(

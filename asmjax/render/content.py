@@ -10,7 +10,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import asmjax
-from asmjax.errors import UseError
+from asmjax.errors import UseError, file_errors
 from asmjax.render.load import scene_file
 from asmjax.render.untrusted import shipped_plugins
 from asmjax.scene.builtin import is_builtin
@@ -62,14 +62,9 @@ def _digest(folder: Path, files: Iterable[Path]) -> str:
         named[file.relative_to(folder).as_posix() if inside else file.name] = file
     state = hashlib.sha256()
     for name, file in sorted(named.items()):
-        try:
-            with file.open("rb") as content:
-                part = hashlib.file_digest(content, "sha256").hexdigest()
-        except OSError as problem:
-            raise UseError(
-                f"file {shown(str(file))} of the scene cannot be read ({problem.strerror}); make "
-                "it readable."
-            ) from problem
+        failed = f"file {shown(str(file))} of the scene cannot be read"
+        with file_errors(failed, "make it readable"), file.open("rb") as content:
+            part = hashlib.file_digest(content, "sha256").hexdigest()
         state.update(f"{len(name)}:{name}:{part}\n".encode(errors="surrogateescape"))
     return state.hexdigest()[:DIGITS]
 

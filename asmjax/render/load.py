@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from asmjax.buffers import EXACT_IDS, EyeBuffer
-from asmjax.errors import UseError, unknown_name
+from asmjax.errors import UseError, file_errors, unknown_name
 from asmjax.geometry import NO_LAMP, LightFrame
 from asmjax.memory import Limit, Memory, Stage, check, limit_of
 from asmjax.render.caster import MitsubaRays
@@ -228,13 +228,9 @@ def scene_file(name: str) -> Path:
     """The scene file of that name. Raises `UseError` where there is none; of a mere word
     with the nearest built-in name."""
     path = Path(name)
-    try:
+    remedy = "give a built-in name or the path of a Mitsuba .xml file"
+    with file_errors(f"the scene '{name[:80]}' cannot be read", remedy):
         exists, folder, file = path.exists(), path.is_dir(), path.is_file()
-    except OSError as problem:
-        raise UseError(
-            f"the scene '{name[:80]}' cannot be read ({problem.strerror}); give a built-in name or "
-            "the path of a Mitsuba .xml file."
-        ) from problem
     if path.suffix == "" and not exists and "/" not in name:
         raise unknown_name(
             "scene", name, BUILTIN, "A path of a Mitsuba scene file (.xml) works too."

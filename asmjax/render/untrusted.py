@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from asmjax import paths
-from asmjax.errors import UseError, require
+from asmjax.errors import UseError, file_errors, require
 from asmjax.scene.file_names import shown
 from asmjax.scene.mesh_files import check_mesh_file
 from asmjax.scene.scan import SceneFiles, scan
@@ -154,14 +154,9 @@ def _digest(path: Path, files: SceneFiles, variant: str) -> str:
     everything = {*files.documents, *(reference.path for reference in files.references)}
     for file in sorted(everything):
         name = files.folder.relative(file)
-        try:
-            with file.open("rb") as content:
-                add(name, hashlib.file_digest(content, "blake2b").hexdigest())
-        except OSError as problem:
-            raise UseError(
-                f"file {shown(name)} of scene {shown(path.name)} cannot be read "
-                f"({problem.strerror}); make it readable."
-            ) from problem
+        failed = f"file {shown(name)} of scene {shown(path.name)} cannot be read"
+        with file_errors(failed, "make it readable"), file.open("rb") as content:
+            add(name, hashlib.file_digest(content, "blake2b").hexdigest())
     return state.hexdigest()
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from asmjax.errors import UseError, require
+from asmjax.errors import UseError, file_errors, require
 from asmjax.scene.file_names import shown
 
 LONGEST_HEADER = 2**16
@@ -58,14 +58,11 @@ def check_mesh_file(path: Path, kind: str, name: str) -> None:
     if checker is None:
         return
     try:
-        require(path.stat().st_size > 0, "is empty; export it again.")
-        checker(path)
+        with file_errors("cannot be read", "make it readable"):
+            require(path.stat().st_size > 0, "is empty; export it again.")
+            checker(path)
     except UseError as problem:
         raise UseError(f"mesh file {shown(name)} {problem}") from problem
-    except OSError as problem:
-        raise UseError(
-            f"mesh file {shown(name)} cannot be read ({problem.strerror}); make it readable."
-        ) from problem
 
 
 @dataclass

@@ -28,7 +28,7 @@ from typing import Annotated, Any, Literal, NamedTuple, get_args, get_origin, ge
 import tomli_w
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model
 
-from asmjax.errors import UseError, require, unknown_name
+from asmjax.errors import UseError, file_errors, require, unknown_name
 from asmjax.paths import write_atomic
 from asmjax.shadow.base import ShadowAlgorithm
 from asmjax.shadow.registry import ALGORITHMS
@@ -174,12 +174,8 @@ def write_settings(
         UseError: as `settings_text`, or the file cannot be written.
     """
     text = settings_text(algorithm, every=every)
-    try:
+    with file_errors(f"cannot write settings to '{path}'", "choose another file"):
         write_atomic(path, text)
-    except OSError as problem:
-        raise UseError(
-            f"cannot write settings to '{path}' ({problem.strerror}); choose another file."
-        ) from problem
 
 
 def family_of(algorithm: ShadowAlgorithm) -> str:

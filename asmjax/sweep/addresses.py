@@ -5,7 +5,7 @@ import json
 from pathlib import Path
 from urllib.parse import urlsplit
 
-from asmjax.errors import UseError, require
+from asmjax.errors import UseError, file_errors, require
 
 TLS_SETTINGS = ("CA_FILE", "CLIENT__CERT", "CLIENT__KEY")
 """Of the driver, behind `DASK_DISTRIBUTED__COMM__TLS__`."""
@@ -55,16 +55,14 @@ def check_certificates(security) -> None:
 
 
 def _written_in(path: Path) -> str:
-    remedy = "start one: dask scheduler --scheduler-file FILE."
+    remedy = "start one: dask scheduler --scheduler-file FILE"
+    with file_errors(f"cannot read the scheduler file '{path}'", remedy):
+        content = path.read_bytes()
     try:
-        address = json.loads(path.read_text(encoding="utf-8"))["address"]
-    except OSError as problem:
-        raise UseError(
-            f"cannot read the scheduler file '{path}' ({problem.strerror}); {remedy}"
-        ) from problem
+        address = json.loads(content)["address"]
     except (ValueError, TypeError, KeyError) as problem:
-        raise UseError(f"'{path}' is no scheduler file; {remedy}") from problem
-    require(isinstance(address, str), f"'{path}' is no scheduler file; {remedy}")
+        raise UseError(f"'{path}' is no scheduler file; {remedy}.") from problem
+    require(isinstance(address, str), f"'{path}' is no scheduler file; {remedy}.")
     return address
 
 

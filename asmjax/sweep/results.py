@@ -25,7 +25,7 @@ from typing import Any
 
 import numpy as np
 
-from asmjax.errors import UseError, missing_extra, require, unknown_name
+from asmjax.errors import UseError, file_errors, missing_extra, require, unknown_name
 from asmjax.paths import write_atomic
 from asmjax.sweep.store import Row, stored_rows
 
@@ -294,10 +294,5 @@ def _draft(path: Path) -> Iterator[str]:
             scratch.unlink(missing_ok=True)
 
 
-@contextlib.contextmanager
-def _written(path: Path) -> Iterator[None]:
-    try:
-        yield
-    except OSError as problem:
-        reason = problem.strerror or problem
-        raise UseError(f"cannot write '{path}' ({reason}); choose another file.") from problem
+def _written(path: Path) -> contextlib.AbstractContextManager[None]:
+    return file_errors(f"cannot write '{path}'", "choose another file")

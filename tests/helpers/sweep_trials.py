@@ -37,6 +37,13 @@ class FakeOutcome(NamedTuple):
     arrays: dict[str, np.ndarray]
 
 
+def outcome(config: dict) -> FakeOutcome:
+    """A record with tables, NumPy's numbers and one that is not finite, and an array."""
+    number = config["number"]
+    record = {"error": {"wrong": np.float32(number) / 4}, "ratio": np.inf, "name": f"no. {number}"}
+    return FakeOutcome(record, {"lit": np.full((2, 3), number, np.float32)})
+
+
 def fake_trials(count: int, first: int = 0, **config: Any) -> list[FakeTrial]:
     """Trials that differ by their number."""
     found = []

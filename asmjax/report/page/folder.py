@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from asmjax.errors import UseError, require
+from asmjax.errors import UseError, file_errors, require
 from asmjax.report.keys import InvalidReport
 from asmjax.report.schema import validate_report
 
@@ -56,14 +56,12 @@ def read_results(folder: Path, check: Check = validate_report) -> Results:
     remedy = "name a folder that asmjax run, analyze, compare, tune, plan or sweep wrote"
     require(folder.is_dir(), f"'{folder}' is no folder; {remedy}.")
     require(path.is_file(), f"'{folder}' has no {REPORT}; {remedy}.")
-    try:
+    with file_errors(f"'{path}' cannot be read", remedy):
         require(
             path.stat().st_size <= MOST_BYTES,
             f"'{path}' has more than {MOST_BYTES // 2**20} MB; {remedy}.",
         )
         content = path.read_bytes()
-    except OSError as problem:
-        raise UseError(f"'{path}' cannot be read ({problem.strerror}); {remedy}.") from problem
     try:
         report = json.loads(content, parse_constant=_refused, parse_int=_whole, parse_float=_real)
     except (ValueError, RecursionError) as problem:

@@ -7,7 +7,7 @@ from importlib import resources
 from pathlib import Path
 
 from asmjax import __version__
-from asmjax.errors import UseError
+from asmjax.errors import file_errors
 from asmjax.paths import write_atomic
 from asmjax.report.page.folder import Check, Results, read_results
 from asmjax.report.page.markup import Markup, joined, tag
@@ -36,12 +36,8 @@ def write_page(
             written.
     """
     page = page_of([read_results(folder, check) for folder in folders], sections)
-    try:
+    with file_errors(f"cannot write the page to '{path}'", "choose another --out"):
         write_atomic(path, page)
-    except OSError as problem:
-        raise UseError(
-            f"cannot write the page to '{path}' ({problem.strerror}); choose another --out."
-        ) from problem
     return len(page.encode())
 
 

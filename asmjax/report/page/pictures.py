@@ -6,7 +6,7 @@ import struct
 from dataclasses import dataclass
 from pathlib import Path
 
-from asmjax.errors import UseError, require
+from asmjax.errors import UseError, file_errors, require
 from asmjax.report.page.folder import Results
 from asmjax.report.page.markup import Markup, joined, tag
 
@@ -51,11 +51,9 @@ def read_picture(path: Path) -> Picture:
     Raises:
         UseError: it cannot be read, or is not whole.
     """
-    try:
-        content = path.read_bytes()
-    except OSError as problem:
-        raise UseError(f"'{path}' cannot be read ({problem.strerror}).") from problem
     remedy = "run the command again that wrote it, or delete it"
+    with file_errors(f"'{path}' cannot be read", remedy):
+        content = path.read_bytes()
     if content.startswith(_GIF) and content.endswith(b";") and len(content) > 10:
         return Picture("gif", content, *struct.unpack("<HH", content[6:10]))
     whole = content.startswith(_PNG) and content[-8:-4] == b"IEND" and len(content) > 45

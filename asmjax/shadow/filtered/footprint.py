@@ -20,7 +20,7 @@ def box_of(texels: Float[Array, "2 2 n"], least: Float[Array, ""] | float) -> Fl
     return 0.5 * jnp.maximum(jnp.abs(texels[:, 0]) + jnp.abs(texels[:, 1]), least)
 
 
-def stratified(
+def stratified_share(
     around: Neighbourhood,
     half: Float[Array, "2 n"],
     pixel: Int[Array, "2 n"],

@@ -17,7 +17,7 @@ from asmjax.geometry import Camera, LightFrame
 from asmjax.numerics import scalar
 from asmjax.shadow.base import Cost, MapMemory, ShadowAlgorithm, Status, array_bytes
 from asmjax.shadow.comparison import Compare, Tested
-from asmjax.shadow.filtered.footprint import box_of, stratified
+from asmjax.shadow.filtered.footprint import box_of, stratified_share
 from asmjax.shadow.filtered.pixels import pixel_of
 from asmjax.shadow.filtered.windows import box, dithered
 from asmjax.shadow.neighbourhood import Neighbourhood
@@ -206,4 +206,4 @@ def _original(around: Neighbourhood, density, points, camera, from_eye, frame, w
          for d in density]
     )  # fmt: skip
     half = box_of(texels, jnp.asarray(width, texels.dtype))
-    return stratified(around, half, pixel_of(points, camera), strata)
+    return stratified_share(around, half, pixel_of(points, camera), strata)

@@ -25,7 +25,7 @@ from asmjax.geometry.basis import axes_across
 from asmjax.numerics import dot, least_depth, safe_sqrt
 
 
-class Seen(NamedTuple):
+class SeenLight(NamedTuple):
     """What each receiver sees of a light: `centre + a axis_u + b axis_v`, relative to the light's
     centre in the axes of the receiver's face.
 
@@ -55,7 +55,7 @@ def taps_of(area: AreaLight, count: int) -> np.ndarray:
     return 2 * square - 1 if area.shape == "rectangle" else concentric(square)
 
 
-def seen(frame: LightFrame, area: AreaLight, receivers: Receivers) -> Seen:
+def seen(frame: LightFrame, area: AreaLight, receivers: Receivers) -> SeenLight:
     """What receivers see of `area`, the light of `frame`, in their dtype."""
     dtype = receivers.depth.dtype
 
@@ -74,8 +74,8 @@ def seen(frame: LightFrame, area: AreaLight, receivers: Receivers) -> Seen:
     place = [of_face(corner[:, k]) + receivers.uv[k] * of_face(extent[:, k]) for k in range(2)]
     depth, zero = receivers.depth, jnp.zeros((), dtype)
     if area.shape == "sphere":
-        return Seen(*_disk_of_sphere(in_axes(area.half_u), place, depth), place, depth)
-    return Seen([zero] * 3, in_axes(area.half_u), in_axes(area.half_v), place, depth)
+        return SeenLight(*_disk_of_sphere(in_axes(area.half_u), place, depth), place, depth)
+    return SeenLight([zero] * 3, in_axes(area.half_u), in_axes(area.half_v), place, depth)
 
 
 def _disk_of_sphere(half, place, depth):
@@ -115,7 +115,7 @@ class Shift(NamedTuple):
 
 
 def shift_at(
-    light: Seen, frame: LightFrame, receivers: Receivers, blocker: Float[Array, "..."]
+    light: SeenLight, frame: LightFrame, receivers: Receivers, blocker: Float[Array, "..."]
 ) -> Shift:
     """Where receivers see the light at the depth `blocker`, a number or (n,); at their own place
     where that is not nearer than they are."""
@@ -133,7 +133,9 @@ def shift_at(
     return Shift(scale, image(light.centre), image(light.axis_u), image(light.axis_v))
 
 
-def scale_at(light: Seen, frame: LightFrame, blocker: Float[Array, "..."]) -> Float[Array, " n"]:
+def scale_at(
+    light: SeenLight, frame: LightFrame, blocker: Float[Array, "..."]
+) -> Float[Array, " n"]:
     """Plane units of shift (n,) per unit of the light at the depth `blocker`: tau / d, or d - z."""
     gap = jnp.maximum(light.depth - blocker, 0)
     if not frame.perspective:
@@ -156,7 +158,7 @@ class Horizon(NamedTuple):
         return self.centre + a * self.axis_u + b * self.axis_v > 0
 
 
-def horizon(light: Seen, frame: LightFrame, receivers: Receivers) -> Horizon:
+def horizon(light: SeenLight, frame: LightFrame, receivers: Receivers) -> Horizon:
     """From the plane as `Receivers.slope` has it: z (1 + slope . du) is the receiver's own depth on
     it (or z - slope . du is), and less towards the light."""
     dtype = light.depth.dtype

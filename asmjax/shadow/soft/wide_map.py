@@ -40,7 +40,7 @@ from asmjax.shadow.comparison import (
     texel_bytes,
 )
 from asmjax.shadow.neighbourhood import Neighbourhood
-from asmjax.shadow.soft.light_taps import Seen, shift_at
+from asmjax.shadow.soft.light_taps import SeenLight, shift_at
 from asmjax.shadow.soft.nearest import least_depths, least_in, sides
 from asmjax.shadow.uniform import LARGEST, UniformShadowMap, UniformState
 
@@ -302,7 +302,7 @@ def behind_emitter(frame: LightFrame, windows: TexelWindows) -> np.ndarray:
 
 
 def search_depth(
-    texels: WideTexels, light: Seen, receivers: Receivers, resolution: int
+    texels: WideTexels, light: SeenLight, receivers: Receivers, resolution: int
 ) -> Float[Array, " n"]:
     """A depth (n,) before which no caster stands between each receiver and the light; that of the
     receiver where none does at all."""

@@ -37,7 +37,7 @@ GRAZING = 0.05
 would be tuned for nothing else."""
 
 
-class Receivers(NamedTuple):
+class SampledReceivers(NamedTuple):
     """`SAMPLES` of the visible receivers, in the light's image; float64.
 
     Attributes:
@@ -59,7 +59,7 @@ class Receivers(NamedTuple):
     pixel: np.ndarray
 
 
-def sampled_receivers(view: EyeBuffer, frame: LightFrame, measure: Measure) -> Receivers:
+def sampled_receivers(view: EyeBuffer, frame: LightFrame, measure: Measure) -> SampledReceivers:
     """Samples spread evenly over the pixels that face the light; call it with float64 enabled."""
     world = np.where(view.valid, view.world, 0.0)
     towards = towards_light(frame, world)
@@ -85,7 +85,7 @@ def sampled_receivers(view: EyeBuffer, frame: LightFrame, measure: Measure) -> R
     found = _in_light(points, camera, frame, light_offset(points, frame), measure)
     uv, jacobian, plane, scale, face, counts = (np.asarray(part) for part in found)
     depth = np.where(valid, view.depth[index], 1.0)
-    return Receivers(uv, jacobian, plane, scale, face, depth, counts, index)
+    return SampledReceivers(uv, jacobian, plane, scale, face, depth, counts, index)
 
 
 @eqx.filter_jit
@@ -103,7 +103,7 @@ def _in_light(points, camera, frame, offset, measure: Measure):
     )
 
 
-def sight_of(receivers: Receivers, found: list[Body], frame: LightFrame, most: int) -> Seen:
+def sight_of(receivers: SampledReceivers, found: list[Body], frame: LightFrame, most: int) -> Seen:
     """What the receivers' errors depend on, with the outline of all that is visible.
 
     `found` are the bodies of the view; `most` is the largest number of receivers that they may

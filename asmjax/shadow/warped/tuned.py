@@ -20,7 +20,7 @@ from asmjax.shadow.warped.light_space import LightSpaceShadowMap
 from asmjax.shadow.warped.predicted import Layout
 from asmjax.shadow.warped.sampled import (
     Measure,
-    Receivers,
+    SampledReceivers,
     rounded,
     sampled_receivers,
     sight_of,
@@ -211,7 +211,7 @@ def _chart(frame: LightFrame, part: Body, rate: float) -> Chart:
 
 
 def chart_errors(
-    charts: list[Chart], texels: int, receivers: Receivers
+    charts: list[Chart], texels: int, receivers: SampledReceivers
 ) -> tuple[np.ndarray, np.ndarray]:
     """Error (n,) of receivers in charts laid out in so many texels, and which (n,) count.
 
