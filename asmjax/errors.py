@@ -54,8 +54,24 @@ def require(condition: bool, message: str) -> None:
 
 @contextlib.contextmanager
 def file_errors(failed: str, remedy: str) -> Iterator[None]:
-    """An `OSError` inside becomes a `UseError`: what failed, the system's reason, the remedy."""
+    """An `OSError` inside becomes a `UseError`: what failed, the system's reason, the remedy. So
+    does a path that cannot be the name of a file."""
     try:
         yield
     except OSError as problem:
         raise UseError(f"{failed} ({problem.strerror or problem}); {remedy}.") from problem
+    except ValueError as problem:
+        reason = _why_no_name(problem)
+        if reason is None:
+            raise
+        raise UseError(f"{failed} ({reason}); {remedy}.") from problem
+
+
+def _why_no_name(problem: ValueError) -> str | None:
+    """What Python found in a text that it was to pass to the system as a path; None where the error
+    is about something else."""
+    if type(problem) is ValueError and "embedded null" in str(problem):
+        return "no file's name has a NUL"
+    if isinstance(problem, UnicodeEncodeError) and "surrogates" in problem.reason:
+        return "no file's name has half a character"
+    return None

@@ -4,6 +4,7 @@ import hashlib
 import os
 from pathlib import Path
 
+from asmjax.errors import file_errors
 from asmjax.experiment.ledger import Ledger
 from asmjax.options import RunOptions, ViewJobOptions
 from asmjax.preparation import check_writable
@@ -24,14 +25,25 @@ def results_folder(options: ViewJobOptions) -> Outputs:
 
     Raises:
         UseError: they cannot go there, as `check_writable` and `Outputs` say, or the settings file
-            is one of those that they replace.
+            is one of those that they replace, or scene or file has what no name may have.
     """
-    source = None if is_builtin(options.scene) else os.path.realpath(options.scene)
+    source = None if is_builtin(options.scene) else _real(options.scene, "the scene")
     path = Path(options.out) if options.out else _default(options, source)
+    _real(path, "the folder of results")
     check_writable(path)
     outputs = Outputs(path, _kind(options), source)
-    outputs.spare(getattr(options, "settings", None))
+    settings = getattr(options, "settings", None)
+    if settings is not None:
+        _real(settings, "the settings file")
+    outputs.spare(settings)
     return outputs
+
+
+def _real(path: str | os.PathLike, what: str) -> str:
+    """The path, links followed. Raises `UseError` where it cannot be one, whether or not there is
+    such a file."""
+    with file_errors(f"{what} '{str(path)[:80]}' cannot be looked for", "name another"):
+        return os.path.realpath(path)
 
 
 def _kind(options: ViewJobOptions) -> str:

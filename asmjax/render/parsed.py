@@ -99,12 +99,15 @@ class ParsedScene:
 
     def check_documents(self, scanned: Sequence[Path]) -> None:
         """Raise `UseError` where the renderer read other scene files than were checked."""
-        read = {os.path.realpath(name) for name in self._read}
-        expected = {os.path.realpath(path) for path in scanned}
-        if read != expected:
+        # Those that were checked may be more: files that only define parameters make no node, and
+        # Mitsuba tells only of files that made one.
+        unchecked = {os.path.realpath(name) for name in self._read} - {
+            os.path.realpath(path) for path in scanned
+        }
+        if unchecked:
             raise UseError(
-                f"{self._what} includes {len(read - expected)} files that were not checked; write "
-                "them out, or give `trust=True` if you trust the scene."
+                f"{self._what} includes {len(unchecked)} files that were not checked; write them "
+                "out, or give `trust=True` if you trust the scene."
             )
 
     @property

@@ -5,15 +5,30 @@ there too, so a folder may not hold anything of their names.
 """
 
 import os
+import stat
+import time
+from collections.abc import Set
 from pathlib import Path
 
-from asmjax.errors import UseError
+from asmjax.errors import UseError, require
 
 SHADOWING = ("plugins", "data/ior", "data/sunsky", "data/srgb.coeff")
 """What in a scene's folder would take the place of the renderer's own code and data."""
 
 LONGEST_SHOWN = 60
 """Characters of a text of unknown length in a message."""
+
+LONGEST_NAME = 4095
+"""Characters of a file's name with its folders: Linux opens none of more bytes."""
+
+MOST_FOLDERS = 64
+"""Folders of a name, and those around a file: the system looks them all up for each."""
+
+MOST_LOOKS = 20_000
+"""Names of files, each counted once in each folder in which it is looked for."""
+
+MOST_SECONDS = 5.0
+"""Processor time to look for files; `MOST_LOOKS` take less than 1 s, but for long ways of links."""
 
 TRUST = "or give `trust=True` if you trust the scene"
 """A remedy where an honest scene may be refused too."""
@@ -23,6 +38,15 @@ def shown(text: str) -> str:
     """`text` in quotes for a message: on one line, without control characters, not long."""
     whole = text if len(text) <= LONGEST_SHOWN else f"{text[: LONGEST_SHOWN - 3]}..."
     return repr(whole)
+
+
+def _followed(path: Path) -> Path | None:
+    """Where `path` leads by its links, whether or not there is a file; None where that cannot be
+    told."""
+    try:
+        return Path(os.path.realpath(path))
+    except (OSError, ValueError, RecursionError):  # the last of a long chain of links
+        return None
 
 
 class Folder:
@@ -38,16 +62,16 @@ class Folder:
         Links and `..` are followed as the system does it. What is outside by its name alone is not
         even looked for there.
         """
-        if any(character < " " for character in name):
+        # To follow a name takes time by the square of its length.
+        if len(name) > LONGEST_NAME or any(character < " " for character in name):
             return None
         named = Path(os.path.normpath(self.path / name))
         if not named.is_relative_to(self.path) and not named.is_relative_to(self._real):
             return None
-        try:
-            real = Path(os.path.realpath(self.path / name))
-        except (OSError, ValueError):
+        real = _followed(self.path / name)
+        if real is None or real == self._real or not real.is_relative_to(self._real):
             return None
-        return real if real.is_relative_to(self._real) and real != self._real else None
+        return real
 
     def relative(self, path: Path) -> str:
         """The name of a file inside the folder, from the folder on."""
@@ -72,3 +96,73 @@ class Folder:
                     "Mitsuba would take code or data from there in place of its own; move it away, "
                     f"{TRUST}."
                 )
+
+
+class Names:
+    """The files that a scene names, each looked for once."""
+
+    def __init__(self, folder: Folder):
+        self._folder = folder
+        self._known: dict[tuple[str, Set[Path]], Path] = {}
+        self._looks, self._seconds = 0, 0.0
+
+    def file(self, name: str, before: Set[Path]) -> Path:
+        """The regular file inside the scene's folder that `name` stands for.
+
+        Args:
+            before: folders in which Mitsuba looks first. There may be no other file of that name.
+
+        Raises:
+            UseError: there is none, or too much was looked for; without the place in the scene.
+        """
+        key = name, before
+        if key not in self._known:
+            begun = time.process_time()
+            self._known[key] = self._found(name, before)
+            self._seconds += time.process_time() - begun
+        return self._known[key]
+
+    def _found(self, name: str, before: Set[Path]) -> Path:
+        require(
+            len(name) <= LONGEST_NAME and name.count("/") <= MOST_FOLDERS,
+            f"names a file in {len(name):,} characters and {name.count('/'):,} folders, "
+            f"{shown(name)}; allowed are {LONGEST_NAME:,} and {MOST_FOLDERS}; mend the scene.",
+        )
+        self._looks += 1 + len(before)
+        require(
+            self._looks <= MOST_LOOKS,
+            f"makes Mitsuba look for more than {MOST_LOOKS:,} files; merge meshes, {TRUST}.",
+        )
+        require(
+            self._seconds <= MOST_SECONDS,
+            f"names files that take more than {MOST_SECONDS:g} s to be found; take out links.",
+        )
+        real = self._folder.real_path(name)
+        if real is None:
+            raise UseError(
+                f"names the file {shown(name)}, which is outside the scene's folder; put it inside "
+                f"and mend the name, {TRUST}."
+            )
+        require(
+            self._folder.relative(real).count("/") <= MOST_FOLDERS,
+            f"names the file {shown(name)}, which is deeper than {MOST_FOLDERS} folders; move it.",
+        )
+        try:
+            mode = real.stat().st_mode
+        except (OSError, ValueError) as problem:
+            raise UseError(
+                f"names the file {shown(name)}, which is not in the scene's folder; put it there, "
+                "or mend the scene."
+            ) from problem
+        require(
+            stat.S_ISREG(mode),
+            f"names {shown(name)}, which is no regular file; name a file, or mend the scene.",
+        )
+        for folder in before:
+            other = folder / name
+            require(
+                not os.path.lexists(other) or _followed(other) == real,
+                f"names {shown(name)}, which is in the scene's folder and beside an included file "
+                "too; give one of them another name.",
+            )
+        return real

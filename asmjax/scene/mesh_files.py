@@ -2,12 +2,14 @@
 
 Mitsuba 3.9 allocates by a header's counts, takes a face index slightly out of range as it is, and
 crashes at one far out of range. So PLY and OBJ files are read here first, at the speed of NumPy.
+Binary ones are mapped and text is read in pieces, so that neither takes memory as its size grows.
 As in Mitsuba, faces of a PLY file are triangles, each list three numbers long.
 """
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -37,8 +39,14 @@ LISTS = ("vertex_indices", "vertex_index")
 """Names of the list that holds a face's corners."""
 
 MOST_TEXT = 2**28
-"""Bytes of the largest file of text that is read here; a larger one would take too much memory, and
+"""Bytes of the largest file of text that is read here; a larger one would take too much time, and
 is left to the child process that loads scenes first (`asmjax.render.untrusted`)."""
+
+PIECE = 2**18
+"""Bytes of text that are read at once; no line of an OBJ file and no word may have more."""
+
+ROWS = 2**14
+"""Records of text that are looked at at once."""
 
 SERIALIZED_MAGIC = b"\x1c\x04"
 """First bytes of Mitsuba's own format."""
@@ -85,30 +93,27 @@ def _check_ply(path: Path) -> None:
             name in by_name and by_name[name].count > 0,
             f"has no element {name}, or none of it; a mesh needs vertices and faces.",
         )
-    if order:
-        records = _binary_records(path, order, elements, start)
-    else:
-        records = _ascii_records(path, elements, start)
-    if not records:
-        return
     for element in elements:
+        _record_type(element, order)
+    columns = [name for name, _ in by_name["vertex"].columns]
+    for axis in "xyz":
+        require(axis in columns, f"has no vertex property {axis}; export it again.")
+    lists = [name for name in LISTS if name in by_name["face"].lists]
+    require(len(lists) == 1, f"has no face list {LISTS[0]}; export it again.")
+    read = _binary_records if order else _ascii_records
+    for element, records in read(path, order, elements, start):
         for name in element.lists:
             require(
-                bool((records[element.name][f"{name}.count"] == 3).all()),
+                bool((records[f"{name}.count"] == 3).all()),
                 f"has {element.name} lists {shown(name)} that are not three long; allowed are "
                 "triangles; triangulate it.",
             )
-    vertices = records["vertex"]
-    for axis in "xyz":
-        require(
-            axis in (vertices.dtype.names or ()), f"has no vertex property {axis}; export it again."
-        )
-        _check_finite(vertices[axis])
-    lists = [name for name in LISTS if name in by_name["face"].lists]
-    require(len(lists) == 1, f"has no face list {LISTS[0]}; export it again.")
-    faces = records["face"]
-    for corner in range(3):
-        _check_indices(faces[f"{lists[0]}.{corner}"], 0, len(vertices))
+        if element.name == "vertex":
+            for axis in "xyz":
+                _check_finite(records[axis])
+        if element.name == "face":
+            for corner in range(3):
+                _check_indices(records[f"{lists[0]}.{corner}"], 0, by_name["vertex"].count)
 
 
 def _ply_header(path: Path) -> tuple[str, list[_Element], int]:
@@ -171,35 +176,53 @@ def _check_fits(element: _Element, size: int, room: int) -> None:
     )
 
 
-def _binary_records(
-    path: Path, order: str, elements: list[_Element], start: int
-) -> dict[str, np.ndarray]:
+_Records = Iterator[tuple[_Element, np.ndarray]]
+"""Records of a file in its order, by element, in one piece or in several."""
+
+
+def _binary_records(path: Path, order: str, elements: list[_Element], start: int) -> _Records:
     content = np.memmap(path, np.uint8, "r")
-    records = {}
+    # All counts first: what is mapped beyond the end of a file cannot be read.
+    pieces = []
     for element in elements:
         dtype = _record_type(element, order)
         _check_fits(element, dtype.itemsize, len(content) - start)
-        records[element.name] = np.ndarray(element.count, dtype, content.data, start)
+        if element.count * dtype.itemsize > 0:
+            pieces.append((element, np.ndarray(element.count, dtype, content.data, start)))
         start += element.count * dtype.itemsize
-    return records
+    yield from pieces
 
 
-def _ascii_records(path: Path, elements: list[_Element], start: int) -> dict[str, np.ndarray]:
-    if path.stat().st_size > MOST_TEXT:
-        return {}
-    words = path.read_bytes()[start:].split()
-    records, first = {}, 0
+def _ascii_records(path: Path, order: str, elements: list[_Element], start: int) -> _Records:
+    size = path.stat().st_size
+    if size > MOST_TEXT:
+        return
+    words = _words(path, start)
     for element in elements:
-        width = len(element.columns)
-        _check_fits(element, width, len(words) - first)
-        last = first + element.count * width
-        table = _numbers(words[first:last]).reshape(element.count, width)
-        named = np.empty(element.count, _record_type(element, "", "f8"))
-        for k, (name, _) in enumerate(element.columns):
-            named[name] = table[:, k]
-        records[element.name] = named
-        first = last
-    return records
+        dtype = _record_type(element, order, "f8")
+        width, seen = len(element.columns), 0
+        while seen < element.count and width > 0:
+            rows = min(ROWS, element.count - seen)
+            numbers = _numbers(list(islice(words, rows * width)))
+            if len(numbers) < rows * width:
+                _check_fits(element, width, seen * width + len(numbers))
+            yield element, numbers.view(dtype)
+            seen += rows
+
+
+def _words(path: Path, start: int) -> Iterator[bytes]:
+    """The words of a file from byte `start` on."""
+    with path.open("rb") as file:
+        file.seek(start)
+        rest = b""
+        while piece := file.read(PIECE):
+            words = (rest + piece).split()
+            # The last word may go on in the next piece.
+            rest = b"" if piece[-1:].isspace() or not words else words.pop()
+            require(len(rest) <= PIECE, "has a word that does not end; export it again.")
+            yield from words
+        if rest:
+            yield rest
 
 
 def _record_type(element: _Element, order: str, kind: str | None = None) -> np.dtype:
@@ -214,21 +237,43 @@ def _record_type(element: _Element, order: str, kind: str | None = None) -> np.d
 def _check_obj(path: Path) -> None:
     if path.stat().st_size > MOST_TEXT:
         return
-    content = path.read_bytes()
-    vertices = [line.split(None, 3)[:3] for line in _lines(content, b"v")]
-    faces = [re.sub(rb"/[^ \t]*", b"", line).split() for line in _lines(content, b"f")]
-    require(bool(vertices) and bool(faces), "has no vertices or no faces; export it again.")
-    require(
-        all(len(vertex) == 3 for vertex in vertices),
-        "has a vertex of fewer than three numbers; export it again.",
-    )
-    require(
-        all(len(face) >= 3 for face in faces),
-        "has a face of fewer than three corners; export it again.",
-    )
-    _check_finite(_numbers([number for vertex in vertices for number in vertex]))
-    corners = _numbers([number for face in faces for number in face])
-    _check_indices(corners, 1, len(vertices) + 1)
+    count, extremes = 0, []
+    for piece in _whole_lines(path):
+        vertices = [line.split(None, 3)[:3] for line in _lines(piece, b"v")]
+        faces = [re.sub(rb"/[^ \t]*", b"", line).split() for line in _lines(piece, b"f")]
+        require(
+            all(len(vertex) == 3 for vertex in vertices),
+            "has a vertex of fewer than three numbers; export it again.",
+        )
+        require(
+            all(len(face) >= 3 for face in faces),
+            "has a face of fewer than three corners; export it again.",
+        )
+        _check_finite(_numbers([number for vertex in vertices for number in vertex]))
+        count += len(vertices)
+        if faces:
+            corners = _numbers([number for face in faces for number in face])
+            # How many vertices there are is known in the end.
+            with np.errstate(invalid="ignore"):
+                broken = corners[corners % 1 != 0][:1]
+            extremes.extend([corners.min(), corners.max(), *broken])
+    require(count > 0 and bool(extremes), "has no vertices or no faces; export it again.")
+    _check_indices(np.array(extremes), 1, count + 1)
+
+
+def _whole_lines(path: Path) -> Iterator[bytes]:
+    """A file in pieces that end where a line ends."""
+    with path.open("rb") as file:
+        rest = b""
+        while piece := file.read(PIECE):
+            lines, end, rest = (rest + piece).rpartition(b"\n")
+            require(
+                len(rest) <= PIECE,
+                f"has a line of more than {PIECE:,} characters; export it again.",
+            )
+            if end:
+                yield lines
+        yield rest
 
 
 def _lines(content: bytes, word: bytes) -> list[bytes]:

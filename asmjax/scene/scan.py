@@ -8,8 +8,6 @@ on its lists. Only tags, attributes and the names of files are looked at; what m
 """
 
 import math
-import os
-import re
 import stat
 from collections.abc import Set
 from dataclasses import dataclass
@@ -18,7 +16,7 @@ from typing import NamedTuple, NoReturn
 from xml.parsers import expat
 
 from asmjax.errors import UseError
-from asmjax.scene.file_names import TRUST, Folder, shown
+from asmjax.scene.file_names import TRUST, Folder, Names, shown
 from asmjax.scene.spec import MAX_SIDE
 
 MOST_DEPTH = 64
@@ -40,7 +38,17 @@ MOST_PARAMETERS = 256
 """Defaults of `$parameters`; each is looked for in every attribute with a `$`."""
 
 MOST_VALUE = 2**14
-"""Characters of an attribute with `$parameters`, once they are filled in."""
+"""Characters of an attribute, its `$parameters` filled in."""
+
+MOST_FILLING = 2**28
+"""Characters in which `$parameters` are looked for, those of an attribute once for each parameter
+that there is, with `FOR_EACH` more."""
+
+FOR_EACH = 64
+"""Characters that can be looked through in the time that a look takes besides."""
+
+LONGEST_MISSPELT = 64
+"""Characters of a plugin for which the nearest known one is looked for."""
 
 OBJECTS = frozenset(
     "bsdf emitter field film integrator medium phase rfilter sampler scene sensor shape spectrum "
@@ -137,11 +145,11 @@ def scan(path: Path, plugins: Set[str]) -> SceneFiles:
 
 
 class _Open(NamedTuple):
-    """A file that is being read, its folder as it was named, and how many elements were around it
-    when it began."""
+    """A file that is being read, the folders in which Mitsuba looks before the scene's own, and how
+    many elements were around it when it began."""
 
     path: Path
-    folder: Path
+    beside: frozenset[Path]
     parser: expat.XMLParserType
     depth: int
 
@@ -152,10 +160,12 @@ class _Scan:
     def __init__(self, path: Path, plugins: Set[str]):
         self._path, self._plugins = path, plugins
         self._folder = Folder(path.parent)
+        self._names = Names(self._folder)
         self._documents: dict[Path, None] = {}
         self._references: dict[Reference, None] = {}
         self._parameters: list[tuple[str, str]] = []  # longest name first, as they are filled in
-        self._elements = self._bytes = self._includes = 0
+        self._defined: set[str] = set()
+        self._elements = self._bytes = self._includes = self._filling = 0
         self._stack: list[tuple[str, str]] = []  # tag and plugin of the elements around
         self._open: list[_Open] = []
 
@@ -181,7 +191,9 @@ class _Scan:
         self._includes += 1
         if self._includes > MOST_INCLUDES + 1:
             self._refuse(f"includes more than {MOST_INCLUDES} files in all; write them out.")
-        self._open.append(_Open(path, folder, parser, len(self._stack)))
+        around = self._open[-1].beside if self._open else frozenset()
+        beside = (around | {folder, path.parent}) - {self._folder.path}
+        self._open.append(_Open(path, beside, parser, len(self._stack)))
         content = self._read(path)
         self._documents[path] = None
         parser.StartElementHandler = self._element
@@ -255,9 +267,11 @@ class _Scan:
     def _check_plugin(self, tag: str, plugin: str) -> None:
         if plugin in self._plugins or (tag == plugin == "scene"):
             return
-        import difflib
+        near = []
+        if len(plugin) <= LONGEST_MISSPELT:
+            import difflib
 
-        near = difflib.get_close_matches(plugin, self._plugins, n=1)
+            near = difflib.get_close_matches(plugin, self._plugins, n=1)
         hint = f" Did you mean '{near[0]}'?" if near else ""
         self._refuse(
             f"has the unknown plugin type {shown(plugin)}; allowed are those that come with "
@@ -284,77 +298,68 @@ class _Scan:
 
     def _file(self, name: str, kind: str) -> None:
         """A file named `name` by what `kind` says; an included one is scanned."""
-        real = self._folder.real_path(name)
-        if real is None:
-            self._refuse(
-                f"names the file {shown(name)}, which is outside the scene's folder; put it inside "
-                f"and mend the name, {TRUST}."
-            )
         try:
-            mode = real.stat().st_mode
-        except (OSError, ValueError):
-            self._refuse(
-                f"names the file {shown(name)}, which is not in the scene's folder; put it there, "
-                "or mend the scene."
-            )
-        if not stat.S_ISREG(mode):
-            self._refuse(
-                f"names {shown(name)}, which is no regular file; name a file, or mend the scene."
-            )
-        self._check_only_there(name, real)
+            real = self._names.file(name, self._open[-1].beside)
+        except UseError as problem:
+            self._refuse(str(problem))
         if kind == "include":
             Folder(real.parent).check_nothing_shadows()
             self._document(real, (self._folder.path / name).parent)
         else:
             self._references[Reference(real, kind)] = None
 
-    def _check_only_there(self, name: str, real: Path) -> None:
-        """Mitsuba looks beside included files first: there may be no other file of that name."""
-        for document in self._open[1:]:
-            for folder in (document.folder, document.path.parent):
-                if os.path.lexists(folder / name) and os.path.realpath(folder / name) != str(real):
-                    self._refuse(
-                        f"names {shown(name)}, which is in the scene's folder and beside an "
-                        "included file too; give one of them another name."
-                    )
-
     def _define(self, name: str, value: str) -> None:
         """A default of a parameter: the first one counts."""
         key = f"${name}"
-        if any(known == key for known, _ in self._parameters):
+        if key in self._defined:
             return
         if len(self._parameters) == MOST_PARAMETERS:
             self._refuse(f"has more than {MOST_PARAMETERS} parameters; write some of them out.")
         if "\\" in value:
             self._refuse("has a backslash in a <default>; write the value where it is used.")
+        if "\\" in name or "$" in name:
+            self._refuse(f"has a <default> of name {shown(name)}; take out signs that mean more.")
         place = next(
             (k for k, (known, _) in enumerate(self._parameters) if len(key) > len(known)),
             len(self._parameters),
         )
         self._parameters.insert(place, (key, value))
+        self._defined.add(key)
 
     def _filled(self, value: str) -> str:
         """`value` with its `$parameters` filled in as `substitute_parameters` of Mitsuba's
         `src/core/parser.cpp` does: one after the other, where no backslash stands before."""
+        if len(value) > MOST_VALUE:
+            self._refuse_long()
         if "$" not in value:
             return value
         before = len(value)
+        # No text of XML has a NUL, and what is filled in has no backslash.
+        value = value.replace("\\$", "\0")
         for key, filling in self._parameters:
+            self._filling += len(value) + FOR_EACH
+            if key not in value:
+                continue
             # Counted first: what is filled in may multiply what was.
-            grown = len(value) + value.count(key) * (len(filling) - len(key))
-            if max(grown, len(value)) > MOST_VALUE:
-                self._refuse(
-                    f"has an attribute of more than {MOST_VALUE} characters once its $parameters "
-                    "are filled in; write it shorter."
-                )
-            if key in value:
-                value = re.sub(rf"(?<!\\){re.escape(key)}", lambda _, f=filling: f, value)
+            if len(value) + value.count(key) * (len(filling) - len(key)) > MOST_VALUE:
+                self._refuse_long()
+            value = value.replace(key, filling)
+        if self._filling > MOST_FILLING:
+            self._refuse(
+                f"looks for {len(self._parameters)} parameters in too many attributes with a $: "
+                f"{MOST_FILLING:,} characters in all; write some of them out."
+            )
         self._spend(max(len(value) - before, 0))
-        bare = value.replace("\\$", "")
-        if "$" in bare:
-            name = bare[bare.index("$") :]
+        if "$" in value:
+            name = value[value.index("$") :].replace("\0", "$")
             self._refuse(f"uses the parameter {shown(name)}, which has no <default>; add one.")
-        return value.replace("\\$", "$")
+        return value.replace("\0", "$")
+
+    def _refuse_long(self) -> NoReturn:
+        self._refuse(
+            f"has an attribute of more than {MOST_VALUE} characters, its $parameters filled in; "
+            "write it shorter, or a spectrum into an .spd file."
+        )
 
     def _spend(self, count: int) -> None:
         self._bytes += count

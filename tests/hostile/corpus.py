@@ -1,130 +1,37 @@
-"""Hostile scenes, made by code: what each is called, how it is made, what its refusal says.
+"""Hostile scenes, made by code: what each is called, how it is made, what its refusal says."""
 
-A maker gets an empty folder for the scene and another one outside it, and returns the scene's path.
-Outside stand `secret.txt`, `mesh.ply` and `pipe`, a FIFO that would block whoever opens it.
-"""
-
-import os
 import struct
 import sys
-from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
 
 from hostile.building import (
     BALL,
     film_xml,
     fov_xml,
-    mesh_scene,
     mesh_xml,
     obj,
-    parts_scene,
     ply,
     ply_header,
     scene_xml,
     text_ply,
-    text_scene,
 )
-
-Maker = Callable[[Path, Path], Path]
-
-
-class Hostile(NamedTuple):
-    """A maker, and a pattern that the message has."""
-
-    make: Maker
-    says: str
-
-
-def text(content: str | bytes) -> Maker:
-    """The whole scene file."""
-    return lambda folder, outside: text_scene(folder, content)
-
-
-def parts(*given: str) -> Maker:
-    """What the scene has besides eye and lamp; OUTSIDE stands for the folder outside."""
-    return lambda folder, outside: parts_scene(
-        folder, *(part.replace("OUTSIDE", str(outside)) for part in given)
-    )
-
-
-def with_files(files: dict[str, str | bytes], *given: str) -> Maker:
-    """As `parts`, with other files in the scene's folder."""
-
-    def make(folder: Path, outside: Path) -> Path:
-        for name, content in files.items():
-            (folder / name).parent.mkdir(parents=True, exist_ok=True)
-            (folder / name).write_bytes(content.encode() if isinstance(content, str) else content)
-        return parts_scene(folder, *given)
-
-    return make
-
-
-def with_link(name: str, target: str, *given: str) -> Maker:
-    """As `parts`, with a symbolic link; OUTSIDE as there."""
-
-    def make(folder: Path, outside: Path) -> Path:
-        (folder / name).symlink_to(target.replace("OUTSIDE", str(outside)))
-        return parts_scene(folder, *given)
-
-    return make
-
-
-def with_pipe(*given: str) -> Maker:
-    """As `parts`, with a FIFO `pipe` in the scene's folder."""
-
-    def make(folder: Path, outside: Path) -> Path:
-        os.mkfifo(folder / "pipe")
-        return parts_scene(folder, *given)
-
-    return make
-
-
-def mesh(content: bytes, kind: str = "ply") -> Maker:
-    """One mesh file."""
-    return lambda folder, outside: mesh_scene(folder, content, kind)
-
-
-def scene_is_a_link(folder: Path, outside: Path) -> Path:
-    (outside / "scene.xml").write_text(scene_xml(BALL))
-    (folder / "scene.xml").symlink_to(outside / "scene.xml")
-    return folder / "scene.xml"
-
-
-def scene_is_a_pipe(folder: Path, outside: Path) -> Path:
-    os.mkfifo(folder / "scene.xml")
-    return folder / "scene.xml"
-
-
-def scene_cannot_be_read(folder: Path, outside: Path) -> Path:
-    path = text_scene(folder, scene_xml(BALL))
-    path.chmod(0)
-    if os.access(path, os.R_OK):  # as the superuser: a folder cannot be read by anyone
-        path.unlink()
-        path.mkdir()
-    return path
-
-
-def include_bomb(folder: Path, outside: Path) -> Path:
-    """Each file includes the next one twice, which makes 2^13 of the last."""
-    for k in range(13):
-        twice = f'<include filename="level{k + 1}.xml"/>' * 2
-        (folder / f"level{k}.xml").write_text(f'<scene version="3.0.0">{twice}</scene>')
-    (folder / "level13.xml").write_text(f'<scene version="3.0.0">{BALL}</scene>')
-    return parts_scene(folder, '<include filename="level0.xml"/>')
-
-
-def nested(depth: int) -> str:
-    return '<bsdf type="twosided">' * depth + "</bsdf>" * depth
-
-
-def include(name: str) -> str:
-    return f'<include filename="{name}"/>'
-
-
-def shape(kind: str) -> str:
-    return f'<shape type="{kind}"/>'
-
+from hostile.floods import FLOODS
+from hostile.makers import (
+    Hostile,
+    include,
+    include_bomb,
+    mesh,
+    nested,
+    parts,
+    scene_cannot_be_read,
+    scene_is_a_link,
+    scene_is_a_pipe,
+    shape,
+    text,
+    with_files,
+    with_link,
+    with_pipe,
+)
 
 DOUBLING = '<default name="a0" value="0123456789"/>' + "".join(
     f'<default name="a{k + 1}" value="{f"$a{k}" * 10}"/>' for k in range(12)
@@ -180,6 +87,12 @@ DOCUMENTS = {
     "a billion parameters": Hostile(parts(DOUBLING, BALL), "more than 16384 characters"),
     "257 parameters": Hostile(
         parts("".join(f'<default name="p{k}" value="1"/>' for k in range(257))), "more than 256"
+    ),
+    "default of a name with a $": Hostile(
+        parts('<default name="a\\$a" value="1"/>', BALL), "of name 'a\\$a'"
+    ),
+    "default of a name with a backslash": Hostile(
+        parts('<default name="a\\" value="1"/>', BALL), "of name 'a"
     ),
     "default with a backslash": Hostile(
         parts('<default name="a" value="\\"/>' + BALL), "backslash in a <default>"
@@ -346,7 +259,7 @@ FILE_NAMES = {
     "nothing": Hostile(parts(mesh_xml("")), "which is outside"),
     "missing": Hostile(parts(mesh_xml("no.ply")), "'no.ply', which is not in the scene"),
     "line break": Hostile(parts(mesh_xml("a&#10;b.ply")), "which is outside"),
-    "very long": Hostile(parts(mesh_xml("a" * 5000)), "not in the scene"),
+    "very long": Hostile(parts(mesh_xml("a" * 5000)), "in 5,000 characters"),
     "of a spectrum": Hostile(
         parts('<bsdf type="diffuse"><spectrum name="reflectance" filename="/etc/passwd"/></bsdf>'),
         "which is outside",
@@ -540,6 +453,7 @@ CORPUS = {
     for group, cases in {
         "document": DOCUMENTS, "include": INCLUDES, "plugin": PLUGINS, "file name": FILE_NAMES,
         "number": NUMBERS, "ply": PLY_FILES, "obj": OBJ_FILES, "other": OTHER_FILES,
+        "flood": FLOODS,
     }.items()
     for name, case in cases.items()
 }  # fmt: skip

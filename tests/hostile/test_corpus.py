@@ -1,10 +1,10 @@
 """Hostile scenes end in one line, with nothing opened outside their folder; harmless ones load."""
 
+import json
 import os
 import re
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 from helpers.mitsuba_scenes import REAL_SCENES
@@ -15,23 +15,13 @@ from asmjax.render.untrusted import Trial, check_meshes, examine, shipped_plugin
 from asmjax.scene.scan import scan
 from hostile.building import BALL, mesh_scene, mesh_xml, obj, parts_scene, ply, text_ply
 from hostile.corpus import CORPUS
-from hostile.watching import Opens, listener, opened_files
+from hostile.loading import loaded_apart
+from hostile.watching import foreign, opened_files
 
 pytestmark = pytest.mark.timeout(60)  # what waits for a FIFO waits for ever
 
-
-@pytest.fixture(scope="module")
-def opens(tmp_path_factory):
-    """What native code of the child opens; None where nothing can listen."""
-    folder = tmp_path_factory.mktemp("listener")
-    environment = listener(folder)
-    if environment is None:
-        yield None
-        return
-    before = untrusted._environment
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(untrusted, "_environment", lambda: before() | environment)
-        yield Opens(folder / "opens")
+MOST_SECONDS = 2.0
+"""Of processor time for a hostile scene in the process that asks, besides the child's."""
 
 
 @pytest.fixture(scope="module")
@@ -76,11 +66,45 @@ def test_hostile_scene(name, places, trial, opens):
         assert not foreign(opens.paths(), outside)
 
 
-def foreign(opened: list[str], outside: Path) -> list[str]:
-    """What of these no scene may have opened."""
-    places = (str(outside), "/etc", "/dev", "/proc")
-    own = (os.devnull, "/proc/self", "/proc/meminfo")
-    return [path for path in opened if path.startswith(places) and not path.startswith(own)]
+SECONDS = """
+import json, sys, tempfile, time
+from pathlib import Path
+from asmjax.errors import UseError
+from asmjax.render.untrusted import check_meshes, shipped_plugins
+from asmjax.scene.scan import scan
+from hostile.corpus import CORPUS
+plugins, seconds = shipped_plugins(), {}
+for name, case in CORPUS.items():
+    with tempfile.TemporaryDirectory() as folder:
+        places = Path(folder) / "scene", Path(folder) / "outside"
+        for place in places:
+            place.mkdir()
+        path = case.make(*places)
+        begun = time.process_time()
+        try:
+            check_meshes(scan(path, plugins))
+        except UseError:
+            pass
+        seconds[name] = time.process_time() - begun
+print(json.dumps(seconds))
+"""
+
+
+@pytest.mark.timeout(300)
+def test_hostile_scenes_take_little_time():
+    """In a process of its own, whose code no test instruments."""
+    end = subprocess.run(
+        [sys.executable, "-c", SECONDS],
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    seconds = json.loads(end.stdout)
+    assert len(seconds) == len(CORPUS)
+    slow = {name: took for name, took in seconds.items() if took > MOST_SECONDS}
+    assert not slow
+    print(sorted(((round(took, 2), name) for name, took in seconds.items()), reverse=True)[:5])
 
 
 def test_native_opens_are_heard(places, trial, opens):
@@ -92,12 +116,13 @@ def test_native_opens_are_heard(places, trial, opens):
     path = mesh_scene(folder, ply())
     trial.load(path, 1000)
     assert str(folder / "mesh.ply") in opens.paths()
-    text = path.read_text().replace("mesh.ply", str(outside / "mesh.ply"))
-    code = f"import mitsuba as mi; mi.set_variant('scalar_rgb'); mi.load_string({text!r})"
-    subprocess.run(
-        [sys.executable, "-c", code], env=untrusted._environment(), check=True, capture_output=True
-    )
-    assert str(outside / "mesh.ply") in foreign(opens.paths(), outside)
+    for secret in (outside / "mesh.ply", "/proc/self/mem", "/proc/self/environ"):
+        text = path.read_text().replace("mesh.ply", str(secret))
+        code = f"import mitsuba as mi; mi.set_variant('scalar_rgb'); mi.load_string({text!r})"
+        subprocess.run(
+            [sys.executable, "-c", code], env=untrusted._environment(), capture_output=True
+        )
+        assert str(secret) in foreign(opens.paths(), outside)
 
 
 HARMLESS = {
@@ -108,6 +133,12 @@ HARMLESS = {
     "double mesh": lambda folder: mesh_scene(folder, ply(kind="d")),
     "text mesh": lambda folder: mesh_scene(folder, text_ply()),
     "OBJ mesh": lambda folder: mesh_scene(folder, obj(), "obj"),
+    "20,000 parameters filled in": lambda folder: parts_scene(
+        folder,
+        '<default name="x" value="1"/>',
+        BALL.replace("</shape>", '<float name="radius" value="$x"/></shape>') * 20,
+        '<bsdf type="diffuse"><rgb name="reflectance" value="$x $x $x"/></bsdf>' * 20_000,
+    ),
     "OBJ mesh of quads": lambda folder: mesh_scene(
         folder, obj("v 0 0 4\nv 1 0 4\nv 1 1 4\nv 0 1 4\n", "f 1 2 3 4 # all\n"), "obj"
     ),
@@ -118,6 +149,16 @@ HARMLESS = {
 def test_harmless_scene(name, tmp_path, trial):
     """What the hostile ones differ from is let through."""
     examine(HARMLESS[name](tmp_path), trial)
+
+
+@pytest.mark.mitsuba
+def test_harmless_scenes_are_loaded(tmp_path):
+    """Not only by the child, but as a job loads them."""
+    scenes = []
+    for number, make in enumerate(HARMLESS.values()):
+        (tmp_path / str(number)).mkdir()
+        scenes.append(make(tmp_path / str(number)))
+    assert loaded_apart(scenes) == ["loaded"] * len(scenes)
 
 
 def test_files_inside_by_any_way(tmp_path, trial):

@@ -92,6 +92,16 @@ def listener(folder: Path) -> dict[str, str] | None:
     return {"LD_PRELOAD": str(library), "ASMJAX_OPENS": str(folder / "opens")}
 
 
+OWN = (os.devnull, "/proc/meminfo", *(f"/proc/self/{x}" for x in ("clear_refs", "statm", "status")))
+"""What the two processes open for themselves: to tell how much memory there is."""
+
+
+def foreign(opened: list[str], *outside: Path) -> list[str]:
+    """What of these no scene may have opened."""
+    places = (*map(str, outside), "/etc", "/dev", "/proc")
+    return [path for path in opened if path.startswith(places) and path not in OWN]
+
+
 class Opens:
     """What a child with the environment of `listener` has opened since `forget`."""
 
