@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from helpers.analytic_cases import analytic_case
 from helpers.poses import projected
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from asmjax.buffers import eye_buffer
@@ -129,6 +129,9 @@ WIDTHS = {
 VECTORS = st.lists(st.floats(-10, 10, width=32), min_size=3, max_size=3)
 
 
+@example([0.0, 1.0, -1.1754943508222875e-38])
+@example([0.0, 2.2e-16, -4.2e-33])
+@example([0.0, 0.0, -1e-29])
 @given(VECTORS)
 @pytest.mark.parametrize("shape", FLAT)
 def test_the_gradient_of_the_width_is_finite(shape, direction):

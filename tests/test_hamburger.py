@@ -144,7 +144,8 @@ def test_mean_blocker_is_a_depth_before_the_receiver(example):
     b = np.stack([np.sum(share * depth**k, axis=0) for k in range(1, 5)])
     with jax.enable_x64(True):
         found = np.asarray(_blocker(b, at, ALPHA["float64"]))
-    assert (found <= at).all() and (found >= -1).all()
+    # Processors take the smallest numbers for 0.
+    assert (found <= at + 1e-300).all() and (found >= -1).all()
 
 
 def test_mean_blocker_of_one_and_two_depths(dtype):

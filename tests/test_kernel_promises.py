@@ -7,18 +7,25 @@ forwards as backwards. Kernels whose results are no numbers of this kind have te
 `test_predicted` and `test_tuning_surrogate` (a whole view or map at once), `test_metrics` (NumPy).
 """
 
+import ast
 import functools
+import importlib
+import inspect
+import pkgutil
 import zlib
+from pathlib import Path
+from types import ModuleType
 
 import jax
 import jax.numpy as jnp
 import mpmath
 import numpy as np
 import pytest
-from helpers import kernels_of_numbers, kernels_of_poses, kernels_of_theory
+from helpers import kernels_of_numbers, kernels_of_poses, kernels_of_soft, kernels_of_theory
 from helpers.effort import PROFILE, effort
 from helpers.gradients import hostile_arrays, value_and_gradient
 from helpers.kernels import POINTS, ROWS, Kernel
+from helpers.kernels_exempt import PACKAGES, exempt_names
 from helpers.theory import QUICKLY
 from hypothesis import example, given
 from hypothesis import strategies as st
@@ -27,6 +34,7 @@ FAMILIES = {
     "numbers": kernels_of_numbers.KERNELS,
     "theory": kernels_of_theory.KERNELS,
     "poses": kernels_of_poses.KERNELS,
+    "soft": kernels_of_soft.KERNELS,
 }
 KERNELS = [kernel for family in FAMILIES.values() for kernel in family]
 
@@ -64,6 +72,60 @@ def computed(kernel: Kernel, arguments, dtype: str) -> np.ndarray:
         found = compiled(kernel, dtype)(*(jnp.asarray(a, dtype) for a in arguments))
         assert found.dtype == dtype
     return np.asarray(found)
+
+
+# Which kernels there are
+
+
+def functions_of(package: str) -> set[str]:
+    """Full names of the public functions that the modules of a package define."""
+    whole = importlib.import_module(package)
+    names = [package] + [
+        f"{package}.{found.name}" for found in pkgutil.iter_modules(getattr(whole, "__path__", ()))
+    ]
+    found = set()
+    for module in map(importlib.import_module, names):
+        found |= {
+            full_name(value)
+            for name, value in vars(module).items()
+            if not name.startswith("_") and defined_in(value) == module.__name__
+        }
+    return found
+
+
+def defined_in(value) -> str | None:
+    """The module of a function, also of a jitted one; None of anything else."""
+    inner = inspect.unwrap(value) if callable(value) else value
+    return inner.__module__ if inspect.isfunction(inner) else None
+
+
+def full_name(function) -> str:
+    return f"{defined_in(function)}.{function.__name__}"
+
+
+def named_in(lists: ModuleType) -> set[str]:
+    """Full names of the functions that a file of kernels names, imported or by their module."""
+    assert lists.__file__
+    held = dict(vars(lists))
+    for node in ast.walk(ast.parse(Path(lists.__file__).read_text())):
+        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
+            owner = vars(lists).get(node.value.id)
+            if isinstance(owner, ModuleType) and owner.__name__.startswith("asmjax"):
+                held[f"{node.value.id}.{node.attr}"] = getattr(owner, node.attr)
+    return {full_name(value) for value in held.values() if defined_in(value)}
+
+
+def test_no_kernel_is_forgotten():
+    """Every function of the packages of kernels is in a list, or exempted with a reason."""
+    there = set().union(*map(functions_of, PACKAGES))
+    lists = (kernels_of_numbers, kernels_of_theory, kernels_of_poses, kernels_of_soft)
+    listed = set().union(*map(named_in, lists))
+    exempt = exempt_names()
+    assert len(there) > 150 and len(listed & there) > 70
+    assert sorted(there - listed - set(exempt)) == [], "in no list of kernels, and not exempted"
+    assert sorted(set(exempt) - there) == [], "exempted, but no function"
+    assert sorted(set(exempt) & listed) == [], "exempted, but in a list"
+    assert len(set(exempt)) == len(exempt)
 
 
 # R1

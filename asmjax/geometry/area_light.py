@@ -5,6 +5,7 @@ from types import ModuleType
 from typing import Any, Literal
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -16,6 +17,12 @@ AreaShape = Literal["rectangle", "disk", "sphere", "sun"]
 
 SUN_DEG = 0.5338
 """Angular diameter of the sun from the earth, as Mitsuba's sunsky has it."""
+
+LEAST_COSINE = 1e-30
+"""Flat lights are seen at no smaller cosine."""
+
+LEAST_LENGTH = 1e-30
+"""Directions that are not longer are none: the inverse of a length is a gradient's."""
 
 WIDEST_SUN_DEG = 90.0
 """Angular diameter of the widest sun; a wider light is a sky."""
@@ -116,13 +123,23 @@ class AreaLight(eqx.Module):
         if not self.is_flat:
             return 2 * xp.sqrt(dot(half_u, half_u)) * xp.ones_like(directions[0])
         normal = cast(self.normal)
-        along, squared = dot(normal, directions), dot(directions, directions)
         across = xp.stack(
             [half_u[i] * half_v[j] - half_u[j] * half_v[i] for i, j in ((1, 2), (2, 0), (0, 1))]
         )
         disk = 4 / np.pi if self.shape == "rectangle" else 1.0
-        unseen = ~((along > 0) & (squared > 0))
-        cosine = xp.where(unseen, 1, along) / xp.sqrt(xp.where(unseen, 1, squared))
+        # Of unit size, as a gradient has cubes of lengths.
+        size = xp.abs(directions).max(axis=0)
+        some = size > LEAST_LENGTH
+        scale = xp.where(some, size, 1)
+        if xp is jnp:
+            scale = jax.lax.stop_gradient(scale)
+        along, squared = (
+            dot(normal, directions / scale),
+            dot(directions / scale, directions / scale),
+        )
+        length = xp.sqrt(xp.where(some, squared, 1))
+        unseen = ~(some & (along > LEAST_COSINE * length))
+        cosine = xp.where(unseen, 1, along) / length
         width = 2 * xp.sqrt(disk * xp.sqrt(dot(across, across)) * cosine)
         return xp.where(unseen, 0, width)
 

@@ -1,4 +1,4 @@
-"""Kernels of plain numbers: areas, functions of a Jacobian, mip levels, cells, rays."""
+"""Kernels of plain numbers: areas, functions of a Jacobian, mip levels, cells, rays, quotients."""
 
 import jax.numpy as jnp
 import mpmath
@@ -21,6 +21,8 @@ from asmjax.footprint import (
     singular_values,
 )
 from asmjax.geometry.reintersect import meet_triangles
+from asmjax.numerics import dot, power_below, safe_divide, safe_log2, safe_sqrt
+from asmjax.theory import displacement_bounds
 from helpers.gradients import unit_or_zero
 from helpers.kernels import Arrays, Kernel, Part, powers, spaced_powers
 
@@ -355,4 +357,37 @@ def _halves(level) -> np.ndarray:
     return np.minimum(2.0 ** np.minimum(below, 8) * (1 + level - below), 255)
 
 
-KERNELS = (*AREAS, *MATRICES, *MIPMAPS, *RAYS)
+# Quotients, roots and logarithms of what may be 0.
+
+
+def _safe(x, y, vector):
+    at = [safe_divide(x, y), safe_log2(jnp.abs(y), -100.0), safe_sqrt(y), power_below(y)]
+    return jnp.stack([*at, dot(vector, vector), *displacement_bounds(y)])
+
+
+def _safe_digits(x, y, vector) -> list:
+    power = mpmath.mpf(2) ** mpmath.floor(_log2(y))
+    squares = sum(a * a for a in vector)
+    return [x / y, _log2(y), mpmath.sqrt(y), power, squares, y / 4, y / mpmath.sqrt(12)]
+
+
+SAFE = (
+    Kernel(
+        "safe_numbers",
+        _safe,
+        lambda rng, n: (rng.uniform(-1, 1, n), powers(rng, n, 1e-6, 1e6), rng.normal(size=(3, n))),
+        (Part(1), Part(1, octaves=True), *[Part(1)] * 5),
+        # The slope of a / b is a / b^2: of a larger a float32 has none where b^2 is all it has.
+        allowed=lambda x, y, vector: (np.clip(x, -1, 1), y, vector),
+        digits=_safe_digits,
+        # No step of differences may pass a power of 2.
+        smooth=lambda x, y, vector: (
+            x,
+            np.where(np.abs(np.log2(y) % 1) < 1e-3, 1.1 * y, y),
+            vector,
+        ),
+    ),
+)
+
+
+KERNELS = (*AREAS, *MATRICES, *MIPMAPS, *RAYS, *SAFE)

@@ -247,7 +247,7 @@ def _overhead(warp: str):
 
 
 def _direction_digits(alpha, theta, gamma, u, logarithmic: bool):
-    """The largest errors at the vertices of the view volume."""
+    """The largest errors at the vertices of the view volume; `storage` says no more than 1e26."""
     tangent, sine, cosine = mpmath.tan(theta), mpmath.sin(gamma), mpmath.cos(gamma)
     places = [(z, z * sine - y * cosine) for z in (mpmath.mpf(1), alpha)
               for y in (z * tangent, -z * tangent)]  # fmt: skip
@@ -261,7 +261,7 @@ def _direction_digits(alpha, theta, gamma, u, logarithmic: bool):
     else:
         along = max(extent * w * w / whole / z for z, w in grown)
     across = max(z / w for z, w in grown) * max(w / z for z, w in grown)
-    return along / (2 * tangent) * across
+    return min(along / (2 * tangent) * across, mpmath.mpf(10) ** 26)
 
 
 def _direction(logarithmic: bool):

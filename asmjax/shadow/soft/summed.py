@@ -7,6 +7,7 @@ and kept as pairs of float32 (48 bits), as JAX takes no float64 unless told so. 
 2^-48 N^2 to a window's sum, they ask for a bias of the moments that shrinks with its area.
 """
 
+import functools
 from typing import NamedTuple
 
 import jax
@@ -74,7 +75,22 @@ def window_moments(
     resolution: int,
 ) -> tuple[Float64[Array, "4 n"], Float64[Array, " n"]]:
     """Moments of the windows from `low` to `high` (columns and rows, in texels, inside the map),
-    and the bias that they need. Call it with float64 enabled."""
+    and the bias that they need. Call it with float64 enabled.
+
+    They have gradients in the windows' ends, and none in `sums`: texels are what rays met.
+    """
+    total = _window_sums(jnp.concatenate([low, high]), sums.table, face, resolution)
+    width, height = high - low
+    area = width * height
+    alpha = jnp.maximum(ALPHA["float64"], ROUNDING * resolution**2 / area)
+    return total / area, alpha
+
+
+@functools.partial(jax.custom_jvp, nondiff_argnums=(3,))
+def _window_sums(
+    ends: Float64[Array, "4 n"], table: Array, face: Int[Array, " n"], resolution: int
+) -> Float64[Array, "4 n"]:
+    """Sums of the windows whose `ends` are columns and rows of one corner, then of the other."""
     side = resolution + 1
 
     def ends_of(start, end):
@@ -87,22 +103,36 @@ def window_moments(
         index, weight = zip(*found, strict=True)
         return jnp.stack(index), jnp.stack(weight)
 
-    (columns, across), (rows, down) = (ends_of(low[k], high[k]) for k in range(2))
+    (columns, across), (rows, down) = (ends_of(ends[k], ends[2 + k]) for k in range(2))
 
     # A loop: sixteen gathers written out take ten seconds to compile.
     def added(k, total):
         x, y = k % 4, k // 4
-        entry = sums.table[(face * side + rows[y]) * side + columns[x]]
+        entry = table[(face * side + rows[y]) * side + columns[x]]
         return total + (across[x] * down[y])[:, None] * (
             double(entry[:, :4]) + double(entry[:, 4:])
         )
 
-    none = jnp.zeros((*low.shape[1:], 4), jnp.float64)
-    total = jax.lax.fori_loop(0, 16, added, none)
-    width, height = high - low
-    area = width * height
-    alpha = jnp.maximum(ALPHA["float64"], ROUNDING * resolution**2 / area)
-    return (total / area[:, None]).T, alpha
+    none = jnp.zeros((*face.shape, 4), jnp.float64)
+    return jax.lax.fori_loop(0, 16, added, none).T
+
+
+@_window_sums.defjvp
+def _window_sums_pushed(resolution: int, given, pushes):
+    """The loop would be transposed when float64 is off again, which JAX takes for float32; products
+    with slopes, formed here, keep what they are."""
+    ends, table, face = given
+
+    def sums(ends):
+        return _window_sums.fun(ends, table, face, resolution)
+
+    with jax.enable_x64(True):
+        total = sums(ends)
+        # Each point has its own four ends: four pushes are all slopes.
+        each = jnp.eye(4, dtype=ends.dtype)[..., None] * jnp.ones_like(ends)
+        slopes = jax.vmap(lambda push: jax.jvp(sums, (ends,), (push,))[1])(each)
+        pushed = sum(slopes[k] * pushes[0][k] for k in range(4))
+    return total, pushed
 
 
 def scaled(sums: Sums, depth: Float[Array, " n"]) -> Float64[Array, " n"]:
