@@ -3,10 +3,12 @@
 import time
 from collections.abc import Hashable
 from dataclasses import KW_ONLY, replace
+from math import isqrt
 from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from asmjax.buffers import EyeBuffer, LightRays, SurfacePoints, light_offset
@@ -90,10 +92,14 @@ class AccumulatedShadowMap(ShadowAlgorithm[AccumulatedState]):
         kept = "-kept" if self.keep else ""
         return f"accumulated-{self.resolution}-{self.samples}x{self.samples}{suffix}{kept}"
 
-    def _flat(self, frame: LightFrame) -> UniformShadowMap:
-        """The settings of each of the maps."""
+    def _flat(self, frame: LightFrame, sample: LightFrame | None = None) -> UniformShadowMap:
+        """The settings of the map of a sample, or of one with the faces of the light's own frame:
+        the more faces, the fewer texels on each."""
         maps = 1 if frame.area is None else self.samples
-        return UniformShadowMap(self.resolution // maps, compare=self.compare, bias=self.bias)
+        side = self.resolution // maps
+        if sample is not None and sample.faces != frame.faces:
+            side = max(isqrt(side**2 * frame.faces // sample.faces), 1)
+        return UniformShadowMap(side, compare=self.compare, bias=self.bias)
 
     def build(self, view: EyeBuffer, frame: LightFrame, rays: LightRays) -> AccumulatedState:
         require(
@@ -104,10 +110,8 @@ class AccumulatedShadowMap(ShadowAlgorithm[AccumulatedState]):
         start = time.perf_counter()
         frames = sample_frames(frame, view, self.samples)
         analysis = time.perf_counter() - start
-        flat = self._flat(frame)
-        return AccumulatedState(
-            frame, tuple(flat.build(view, one, rays) for one in frames), analysis
-        )
+        maps = tuple(self._flat(frame, one).build(view, one, rays) for one in frames)
+        return AccumulatedState(frame, maps, analysis)
 
     def update(self, state, view, frame, rays, moved=None) -> AccumulatedState:
         """Drawn anew, as the samples' frames follow what the view sees; or kept (`keep`), which
@@ -125,7 +129,8 @@ class AccumulatedShadowMap(ShadowAlgorithm[AccumulatedState]):
         """Nothing: every update calls the same."""
 
     def program(self, frame: LightFrame) -> Hashable:
-        """One compilation serves all samples, whatever their number."""
+        """One compilation serves all samples, whatever their number, where one face holds all that
+        is lit; else there is one for each number of faces, which the view decides."""
         return self._flat(frame).program(frame), frame.area is None
 
     def rehearse(self, view: EyeBuffer, frame: LightFrame, rays: LightRays) -> AccumulatedState:
@@ -137,13 +142,13 @@ class AccumulatedShadowMap(ShadowAlgorithm[AccumulatedState]):
         return state
 
     def visibility(self, state: AccumulatedState, points: SurfacePoints) -> Float[Array, " n"]:
-        flat = self._flat(state.frame)
         if state.frame.area is None:
-            return flat.visibility(state.maps[0], points)
+            return self._flat(state.frame).visibility(state.maps[0], points)
         lit = counted = jnp.zeros(points.valid.shape, points.position.dtype)
         for one in state.maps:
             offset = light_offset(points, one.frame)
-            lit, counted = _added(lit, counted, flat.around(one, points), one.frame, points, offset)
+            around = self._flat(state.frame, one.frame).around(one, points)
+            lit, counted = _added(lit, counted, around, one.frame, points, offset)
         return lit / jnp.maximum(counted, 1)
 
     def check_filterable(self, frame: LightFrame) -> None:
@@ -165,8 +170,7 @@ class AccumulatedShadowMap(ShadowAlgorithm[AccumulatedState]):
         return self._flat(state.frame).density(centre, points)
 
     def cost(self, state: AccumulatedState) -> Cost:
-        flat = self._flat(state.frame)
-        costs = [flat.cost(one) for one in state.maps]
+        costs = [self._flat(state.frame, one.frame).cost(one) for one in state.maps]
         return Cost(
             texels=sum(cost.texels for cost in costs),
             bytes=sum(cost.bytes for cost in costs),
@@ -192,6 +196,8 @@ class AccumulatedShadowMap(ShadowAlgorithm[AccumulatedState]):
 def _holds(kept: LightFrame, wanted: LightFrame) -> bool:
     """Whether the rectangles of one sample's frame hold those of another, and so the depths between
     which they were made."""
+    if not np.array_equal(kept.rotation, wanted.rotation):
+        return False
     ends = kept.corner + kept.extent >= wanted.corner + wanted.extent
     return bool((kept.corner <= wanted.corner).all() and ends.all())
 

@@ -2,8 +2,9 @@
 
 The frame of a light is fitted to what its centre (or its middle direction) shines on. Seen from
 another point of the light the same receivers lie elsewhere, the nearer ones farther away. A
-sample's frame has the faces of the light's own and rectangles around the same part of space: that
-between the nearest and the farthest receiver that the view sees.
+sample's frame has the face of the light's own and a rectangle around the same part of space: that
+between the nearest and the farthest receiver that the view sees. Where the light's frame has faces
+of a cube, receivers go from one to another as the sample moves: each sample has faces of its own.
 """
 
 from dataclasses import replace
@@ -11,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from asmjax.buffers import EyeBuffer
-from asmjax.geometry import LightFrame, stratified, unit
+from asmjax.geometry import LightFrame, fitted_point_frame, stratified, unit
 
 DEPTH_MARGIN = 0.1
 """Depths of receivers are taken to reach this part farther both ways: of their own, or under
@@ -19,6 +20,9 @@ parallel light of the range between them. Samples of a pixel see what its centre
 
 LEAST_RANGE = 1e-3
 """Under parallel light depths reach at least this part of the image's size farther."""
+
+FACE_MARGIN = 0.02
+"""Faces of a sample's own reach this part of their size farther, all around."""
 
 NEAREST = 2.0
 """Receivers nearer to a light than so many times its `radius` need not lie in all frames: a
@@ -37,11 +41,15 @@ def sample_frames(frame: LightFrame, view: EyeBuffer, samples: int) -> list[Ligh
     point = replace(frame, area=None)
     world = view.world[:, view.valid]
     towards = world.mean(axis=1) if world.size else None
+    offsets = area.offsets(stratified(samples), towards).T
+    if frame.faces > 1:
+        lit = world[:, area.emits_towards(world)]
+        return [_around(point, offset, lit) if offset.any() else point for offset in offsets]
     depths = [_depths(frame, face, world) for face in range(frame.faces)]
     from_there = _from_point if frame.perspective else _along_direction
     return [
         from_there(point, offset, depths, area.radius) if offset.any() else point
-        for offset in area.offsets(stratified(samples), towards).T
+        for offset in offsets
     ]
 
 
@@ -63,6 +71,21 @@ def _outline(frame: LightFrame, face: int) -> np.ndarray:
     """Plane coordinates (2, 4) of the corners of a face's rectangle."""
     (x, y), (wide, high) = frame.corner[face], frame.extent[face]
     return np.array([[x, x + wide, x, x + wide], [y, y, y + high, y + high]])
+
+
+def _around(point: LightFrame, offset: np.ndarray, receivers: np.ndarray) -> LightFrame:
+    """Faces that hold all receivers (3, n), and a little more of each for a pixel's samples."""
+    origin = point.origin + offset
+    if not (np.linalg.norm(receivers - origin[:, None], axis=0) > point.near).any():
+        return replace(point, origin=origin)
+    fitted = fitted_point_frame(origin, receivers, float(point.near))
+    return replace(
+        point,
+        origin=origin,
+        rotation=fitted.rotation,
+        corner=fitted.corner - FACE_MARGIN * fitted.extent,
+        extent=(1 + 2 * FACE_MARGIN) * fitted.extent,
+    )
 
 
 def _from_point(
