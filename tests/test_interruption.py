@@ -6,6 +6,7 @@ import pty
 import re
 import select
 import signal
+import subprocess
 import sys
 import time
 
@@ -105,12 +106,24 @@ def test_a_command_that_is_interrupted_while_it_is_loaded_says_so(heard, monkeyp
     assert capsys.readouterr().err == "asmjax: interrupted\n"
 
 
+AT_TERMINAL = """
+import fcntl, os, sys, termios
+fcntl.ioctl(0, termios.TIOCSCTTY, 0)
+os.execv(sys.argv[1], sys.argv[1:])
+"""
+"""A command that becomes another one, after its input has become what Ctrl-C is typed at."""
+
+
 def interrupted(words: list[str], seconds: float) -> tuple[int, list[str]]:
     """Exit code and lines of a command at a terminal, where Ctrl-C is typed so many seconds after
     its first line; at `inf` it is not."""
-    process, terminal = pty.fork()
-    if process == 0:
-        os.execv(words[0], words)
+    terminal, end = pty.openpty()
+    # A fork here would copy the threads of JAX, where another test has started some.
+    process = subprocess.Popen(
+        [sys.executable, "-c", AT_TERMINAL, *words], stdin=end, stdout=end, stderr=end,
+        start_new_session=True,
+    )  # fmt: skip
+    os.close(end)
     said, due = b"", None
     while True:
         if select.select([terminal], [], [], 0.05)[0]:
@@ -123,10 +136,11 @@ def interrupted(words: list[str], seconds: float) -> tuple[int, list[str]]:
         if due is not None and time.monotonic() > due:
             os.write(terminal, b"\x03")
             due = float("inf")
-    _, status = os.waitpid(process, 0)
+    code = process.wait()
+    os.close(terminal)
     # A bar is drawn over itself.
     lines = [re.sub(r".*\r", "", line) for line in said.decode().replace("\r\n", "\n").split("\n")]
-    return os.waitstatus_to_exitcode(status), [line for line in lines if line.strip()]
+    return code, [line for line in lines if line.strip()]
 
 
 @pytest.mark.slow

@@ -27,7 +27,7 @@ from asmjax.render.untrusted import admit
 from asmjax.render.variant import activate
 from asmjax.render.working_frame import WORLD, WorkingFrame, working_frame
 from asmjax.scene.analytic_rays import scene_bounds
-from asmjax.scene.builtin import BUILTIN, is_builtin, load_builtin
+from asmjax.scene.builtin import BUILTIN, asked_triangles, is_builtin, load_builtin
 from asmjax.scene.file_names import shown
 from asmjax.scene.lights import Eyes, kept_light_frame, light_frame
 from asmjax.scene.soft_visibility import REPEATS, STRATA
@@ -212,6 +212,7 @@ def load_scene(
         return _from_mitsuba("dict", ParsedScene(mi, source, "the scene dictionary"), mi)
     name = os.fspath(source)
     if is_builtin(name):
+        check([Stage(f"scene '{name}'", asked_triangles(name) * TRIANGLE)], limit)
         return _from_spec(activate(variant), load_builtin(name), limit)
     path = scene_file(name)
     mi = activate(variant)

@@ -33,6 +33,9 @@ _LARGE = {
 SIZED = ("surface", "plant", "statues")
 """The scenes that can be had at any size: their name, a colon, and a number of triangles."""
 
+_REPEATED = ("statues",)
+"""Those whose triangles are a few thousand, placed many times."""
+
 # Written out, so that listing the scenes builds none of the large ones; a test compares the two.
 _ITEMS = (
     SceneItem(
@@ -106,6 +109,22 @@ def is_builtin(name: str) -> bool:
     """Whether `name` is, or wants to be, that of a built-in scene: "surface:12m" does, too."""
     base, colon, _ = name.partition(":")
     return base in BUILTIN if colon else name in BUILTIN
+
+
+def asked_triangles(name: str) -> int:
+    """Triangles that a scene of any size will hold in memory, before any is made; 0 for others.
+
+    Raises:
+        UseError: as `load_builtin`, or a size that the scene cannot have.
+    """
+    base, colon, size = name.partition(":")
+    _check_name(name)
+    if not colon or base in _REPEATED:
+        return 0
+    sizes = _maker(base)[0].SIZES
+    triangles = sizes.parse(size)
+    sizes.check(triangles)
+    return triangles
 
 
 def load_builtin(name: str) -> SceneSpec:

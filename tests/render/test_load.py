@@ -5,6 +5,7 @@ import pytest
 from helpers.mitsuba_scenes import loaded, pinhole, real_scene
 
 from asmjax.errors import UseError
+from asmjax.memory import Limit
 from asmjax.render.load import load_scene
 from asmjax.render.variant import activate
 from asmjax.scene.spec import MAX_SIDE
@@ -210,3 +211,11 @@ def test_an_eye_takes_a_view_its_name_its_index_or_nothing():
         assert np.array_equal(scene.eye(wanted).prim, seen.prim)
     assert np.array_equal(scene.eye().depth, seen.depth)
     assert "unknown view" in refusal(lambda: scene.eye("no view"))
+
+
+@pytest.mark.parametrize("name", ["surface:2m", "plant:2m"])
+def test_a_scene_of_any_size_is_refused_before_it_is_made(name, monkeypatch):
+    """Two million triangles are 340 MB, which ten do not hold."""
+    monkeypatch.setattr("asmjax.render.load.load_builtin", pytest.fail)
+    with pytest.raises(UseError, match=f"scene '{name}'"):
+        load_scene(name, limit=Limit(2 * 10**7, 10**7, "test"))
