@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers.analytic_cases import unit_frame
+from helpers.effort import examples
 from helpers.poses import KINDS, Kind, projected, random_pose, surface_points
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -114,7 +115,7 @@ def test_image_coordinates_in_float32_are_no_address(kind):
 
 
 @given(seed=st.integers(0, 2**16), kind=st.sampled_from(KINDS), place_of=st.integers(0, 2**20))
-@settings(max_examples=25)
+@settings(max_examples=examples(25, 1_000))
 def test_any_pose_anywhere_has_exact_addresses(seed, kind, place_of):
     shift = np.random.default_rng(place_of).normal(size=3) * 10.0 ** (place_of % 5)
     points, frame = posed(seed, kind, shift, np.float32)

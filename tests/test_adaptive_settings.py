@@ -12,6 +12,7 @@ import equinox as eqx
 import numpy as np
 import pytest
 from helpers.analytic_cases import Case
+from helpers.effort import examples
 from helpers.registry import FAST
 from helpers.traced_cases import traced_case
 from hypothesis import example, given, settings
@@ -105,7 +106,7 @@ def test_edges_are_refined_where_the_caster_is_as_far_off_as_asked(direction):
 
 
 @given(one=thresholds, other=thresholds)
-@settings(max_examples=15)
+@settings(max_examples=examples(15, 1_000))
 def test_asking_for_more_distance_never_makes_more_nodes(one, other):
     low, high = sorted((one, other))
     few, many = (len(built(case(SQUARE, ASLANT), discontinuity=t)[2]) for t in (high, low))
@@ -236,7 +237,7 @@ def test_exactly_the_nodes_that_are_worth_it_are_made(share, monkeypatch):
 
 
 @given(one=profits, other=profits)
-@settings(max_examples=15)
+@settings(max_examples=examples(15, 1_000))
 def test_asking_for_more_profit_never_makes_more_nodes(one, other):
     """Where memory does not limit them."""
     low, high = sorted((one, other))

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers.analytic_cases import Case, analytic_case, kept_arrays, permuted
-from helpers.effort import effort
+from helpers.effort import examples
 from helpers.mitsuba_scenes import loaded
 from helpers.registry import FAST
 from helpers.slow_tree import (
@@ -178,7 +178,7 @@ def number(low, high):
     x=number(-4, 4), y=number(-4, 4), height=number(0.0625, 6), aside=number(-3, 3),
     lamp=number(-2, 2), fov=number(5, 80),
 )  # fmt: skip
-@settings(max_examples=effort(8, 25))
+@settings(max_examples=examples(8, 1_000))
 def test_any_view_and_light(x, y, height, aside, lamp, fov):
     """From grazing views close to the plane to ones from above."""
     scene = ANALYTIC_SCENES["a4_disc_light"]()
@@ -330,7 +330,7 @@ def test_bounds_are_those_of_the_texels_below():
 
 
 @given(st.integers(0, 2**32 - 1))
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 def test_pages_that_cover_leave_no_gap(seed):
     """Where they are said to cover a rectangle, whatever serves a place in it lies in their
     squares; places are tried on a grid finer than the finest page."""

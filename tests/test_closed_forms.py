@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from helpers.effort import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -129,7 +130,7 @@ def test_a8_blurred_gratings_are_slabs():
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
 @given(angle=st.floats(-math.pi, math.pi), offset=st.floats(0.0, 0.8))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=examples(40))
 def test_a9_coverage_is_supersampling(side, angle, offset):
     a, b, c = math.cos(angle), math.sin(angle), side * offset
     grid = (np.arange(400) + 0.5) / 400 - 0.5
@@ -174,7 +175,7 @@ def test_lambert_ratio_is_monte_carlo():
 
 
 @given(distance=st.floats(0.0, 3.0), other=st.floats(0.1, 2.0))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60))
 def test_lens_area_bounds_and_symmetry(distance, other):
     area = float(closed_forms.lens_area(1.0, other, distance))
     assert -1e-12 <= area <= math.pi * min(1.0, other) ** 2 + 1e-12
@@ -187,7 +188,7 @@ def test_lens_area_bounds_and_symmetry(distance, other):
     semi=st.tuples(st.floats(0.2, 3.0), st.floats(0.2, 3.0)),
     point=st.tuples(st.floats(-4.0, 4.0), st.floats(-4.0, 4.0)),
 )
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60))
 def test_ellipse_distance_is_the_nearest_curve_point(semi, point):
     ellipse = Ellipse((0.3, -0.2), *semi)
     angle = np.linspace(0.0, 2.0 * math.pi, 20_001)
@@ -276,7 +277,7 @@ def _open(name):
 
 
 @given(half=st.floats(0.2, 2.0), height=st.floats(2.0, 8.0), share=st.floats(0.1, 0.7))
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=examples(20))
 def test_a1_any_size_is_the_analytic_caster(half, height, share):
     scene = analytic_scenes.a1_square(half, height, share * height)
     x, y = plane_points(scene, count=1000)

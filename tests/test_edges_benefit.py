@@ -4,6 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from helpers.effort import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
@@ -115,7 +116,7 @@ def test_points_on_and_beyond_the_border_stay_in_the_grid(dtype):
     assert got.tolist() == [0, 15, 15, 0, 13]
 
 
-@settings(max_examples=20)
+@settings(max_examples=examples(20))
 @given(masks)
 def test_benefit_is_exact_up_to_2_24(counted):
     """Counts are kept in float32: exact to 16,777,216 pixels in one cell, the size of 4096^2."""

@@ -14,7 +14,7 @@ from helpers.effort import HARD
 from helpers.hard_oracles import ORACLES, area_oracle, mp
 
 from asmjax.errors import UseError
-from asmjax.hard_cases import CASES, ROWS, THEMES, Kernel, measure, page
+from asmjax.hard_cases import CASES, ROWS, THEMES, Kernel, families_of, measure, page
 from asmjax.hard_cases.exact import digits, dot, fifty, floats, ln, power, slope, tan
 from asmjax.hard_cases.projections import AXIS, FOCAL
 
@@ -26,7 +26,7 @@ each_kernel = pytest.mark.parametrize("case", KERNELS, ids=lambda case: case.nam
 
 
 def test_every_row_has_a_case():
-    assert list(ROWS) == list(range(1, 31))
+    assert list(ROWS) == list(range(1, 37))
     assert {row for case in CASES.values() for row in case.rows} == set(ROWS)
     assert {case.theme for case in CASES.values()} == set(THEMES)
     assert len({case.name for case in CASES.values()}) == len(CASES)
@@ -170,6 +170,14 @@ def test_the_page_lists_every_case():
         assert rows[name][2] == f"{page.severities_text(case)} ({case.axis})"
         assert rows[name][6].startswith("stable")
         assert text.count(f"| {name} |") >= 2
+        if case.is_scene:
+            # The theme's table has a column of both precisions for each algorithm.
+            section = text.split(f"## {THEMES[case.theme]}\n")[1]
+            assert f"| case | {' | '.join(families_of(case))} |\n" in section
+            found = next(line for line in section.splitlines() if line.startswith(f"| {name} |"))
+            cells = [cell.strip() for cell in found.strip("| ").split(" | ")][1:]
+            assert len(cells) == len(families_of(case))
+            assert all(re.match(r"-( |$)|\S+( %)? / \S+( %)? \(", cell) for cell in cells), cells
     assert "silent" not in text.split(page.BEGIN)[1].lower()
     for theme in THEMES:
         assert (PAGE.parent / f"images/stability_{theme}.png").stat().st_size > 10_000

@@ -15,13 +15,15 @@ from helpers.effort import HARD, LEFT_OUT
 from helpers.hard_oracles import ref_dark
 from helpers.poses import projected
 
-from asmjax.hard_cases import CASES, SIDE, Setup, measure
+from asmjax.hard_cases import CASES, SIDE, Setup, families_of, measure
 from asmjax.hard_cases.explain import explained
 from asmjax.hard_cases.lights import SHAPES, SUN, VIEW
-from asmjax.hard_cases.measure import TEXELS, algorithm_for
-from asmjax.shadow import MAPS
+from asmjax.hard_cases.measure import TEXELS, _judged_soft, algorithm_for
+from asmjax.shadow import MAPS, Status
+from asmjax.shadow.soft import PCSSShadowMap
 
 SCENES = [case for case in CASES.values() if case.is_scene]
+HARD_LIGHTS = [case for case in SCENES if case.theme != "soft"]
 each_scene = pytest.mark.parametrize("case", SCENES, ids=lambda case: case.name)
 FAMILIES = tuple(family for family in MAPS if HARD or family not in LEFT_OUT)
 each_family = pytest.mark.parametrize("family", FAMILIES)
@@ -37,6 +39,10 @@ def _scene(case, severity, side=SIDE):
     return setup.traced(side)
 
 
+def _asked(case) -> tuple[str, ...]:
+    return tuple(family for family in families_of(case) if HARD or family not in LEFT_OUT)
+
+
 @each_scene
 def test_no_algorithm_fails_in_silence(case):
     """Right beyond a texel of an edge up to where the case says so, and from there on announced."""
@@ -46,7 +52,7 @@ def test_no_algorithm_fails_in_silence(case):
         records = measure(case, side=3 * SIDE)
     else:
         records = measure(
-            case, severities=case.few[1:], precisions=("float32",), algorithms=FAMILIES
+            case, severities=case.few[1:], precisions=("float32",), algorithms=_asked(case)
         )
     for record in records:
         allowed = {"stable"}
@@ -54,10 +60,10 @@ def test_no_algorithm_fails_in_silence(case):
             allowed = {"stable", "announced"}
         assert record.verdict in allowed, record
     assert case.fails_from is None or any(record.verdict == "announced" for record in records)
-    assert {record.algorithm for record in records} == set(FAMILIES)
+    assert {record.algorithm for record in records} == set(_asked(case))
 
 
-@each_scene
+@pytest.mark.parametrize("case", HARD_LIGHTS, ids=lambda case: case.name)
 def test_truth_of_scenes(case):
     """Shadow rays, and segments that cross shapes by another computation."""
     scene = _scene(case, case.severities[0], side=16)
@@ -149,3 +155,26 @@ def test_truth_does_not_depend_on_jax_precision(dtype):
     assert scene.eye.points.position.dtype == dtype
     assert 10 < (scene.expected[scene.judged] == 0).sum() < 100
     assert jnp.zeros(()).dtype == dtype
+
+
+class _Lit(PCSSShadowMap):
+    """It finds no shadow, and says of itself what it is told to."""
+
+    says: Status = Status.COMPLETE
+
+    def visibility(self, state, points):
+        return jnp.ones(points.valid.shape)
+
+    def status(self, state) -> Status:
+        return self.says
+
+
+def test_a_soft_shadow_that_is_missing_is_silent_unless_it_is_announced():
+    case = CASES["soft shadows in tiny scenes"]
+    scene = _scene(case, 1.0)
+    for says, verdict in ((Status.COMPLETE, "silent"), (Status.MARGIN_LIMIT, "announced")):
+        record = _judged_soft(case, 1.0, "float32", "pcss", scene, _Lit(says=says), None)
+        assert record.verdict == verdict and record.error == pytest.approx(
+            1 - scene.expected[scene.judged].mean()
+        )
+    assert record.wrong == pytest.approx((scene.expected[scene.judged] <= 0.5).mean())

@@ -4,6 +4,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from helpers.effort import examples
 from helpers.slow_tree import (
     Square,
     address_at,
@@ -83,7 +84,7 @@ def numbered(shape: TreeShape, squares: list[Square]) -> dict[Square, int]:
 
 @each_shape
 @given(seed=st.integers(0, 2**32 - 1), groups=st.integers(1, 5))
-@settings(max_examples=15)
+@settings(max_examples=examples(15, 1_000))
 def test_every_place_is_served_by_the_deepest_page_over_it(shape, seed, groups):
     """Pages in any order, deep ones before those above them too."""
     rng = np.random.default_rng(seed)
@@ -95,7 +96,7 @@ def test_every_place_is_served_by_the_deepest_page_over_it(shape, seed, groups):
 
 @each_shape
 @given(seed=st.integers(0, 2**32 - 1))
-@settings(max_examples=15)
+@settings(max_examples=examples(15, 1_000))
 def test_the_page_above_answers_where_pages_are_given_up(shape, seed):
     """Evicted pages' entries go to the nearest page above that is left; tables stay."""
     rng = np.random.default_rng(seed)
@@ -143,7 +144,7 @@ def test_the_order_of_pages_does_not_matter(shape):
 
 
 @given(seed=st.integers(0, 2**32 - 1), tables=st.integers(0, 30))
-@settings(max_examples=30)
+@settings(max_examples=examples(30, 1_000))
 def test_a_page_without_a_table_is_told_and_harms_no_other(seed, tables):
     rng = np.random.default_rng(seed)
     shape = tree_shape(3, 1, 0, levels=10, faces=2, pages=PAGES, log2_top=1, tables=tables)

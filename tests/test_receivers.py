@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from helpers.effort import examples
 from helpers.gradients import (
     hostile_arrays,
     unit_or_zero,
@@ -144,7 +145,7 @@ def test_secant_is_bounded_and_slope_vanishes_at_grazing(dtype):
     assert (np.asarray(got.slope)[:, 2:] == 0).all() and np.abs(got.slope[:, :2]).max() > 90
 
 
-@settings(max_examples=25)
+@settings(max_examples=examples(25))
 @given(hostile_arrays((3, 64)))
 def test_every_direction_belongs_to_exactly_one_cube_face(world):
     """Directions of a dense sphere, and hostile ones: one face each, the one of its longest axis.

@@ -15,7 +15,6 @@ from asmjax.geometry import LightFrame
 from asmjax.metrics import error_summary, surface_pairs
 from asmjax.shadow import SOFT, ShadowAlgorithm
 from helpers.analytic_cases import analytic_case, kept_arrays
-from helpers.effort import HARD, LEFT_OUT
 from helpers.registry import SIBLINGS, VARIANTS
 from helpers.soft_cases import soft_case
 
@@ -47,16 +46,13 @@ def digest(
 
 
 def analytic() -> Iterator[tuple[str, str]]:
-    """Every algorithm (but those `LEFT_OUT` of the quick run) and every variant, and the quickest
-    ones under other lights too."""
+    """Every algorithm and every variant, and the quickest ones under other lights too."""
     scenes = ("a6_sphere", "a6_sphere_sun")
     chosen = [(s, scenes[k % 2]) for k, s in enumerate((*SIBLINGS, *VARIANTS))]
     quick = [s for s in SIBLINGS if s.name in ("uniform", "light-space", "trapezoidal")]
     chosen += [(s, "a4_disc_light") for s in quick]
     chosen += [(SIBLINGS[0], name) for name in ("a6_sphere_sun", "a1_square")]
     for sibling, name in chosen:
-        if sibling.name in LEFT_OUT and not HARD:
-            continue
         case = analytic_case(name, SIDE)
         algorithm = sibling.of_budget(TEXELS, case.frame.faces)
         if type(algorithm) in SOFT.values():

@@ -38,3 +38,9 @@ def each_of(siblings):
 def effort(quick: T, hard: T) -> T:
     """`quick`, or `hard` where the long run was asked for."""
     return hard if HARD else quick
+
+
+def examples(quick: int, most: int = EXAMPLES["hard"]) -> int:
+    """Examples of a dear property: `quick` in the quick profile; in others as many as they ask for,
+    but `most`."""
+    return quick if PROFILE == "fast" else min(most, EXAMPLES[PROFILE])

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from asmjax.buffers import EyeBuffer
-from asmjax.geometry import LightFrame, fitted_point_frame, stratified, unit
+from asmjax.geometry import AreaLight, LightFrame, fitted_point_frame, stratified, unit
 
 DEPTH_MARGIN = 0.1
 """Depths of receivers are taken to reach this part farther both ways: of their own, or under
@@ -41,7 +41,7 @@ def sample_frames(frame: LightFrame, view: EyeBuffer, samples: int) -> list[Ligh
     point = replace(frame, area=None)
     world = view.world[:, view.valid]
     towards = world.mean(axis=1) if world.size else None
-    offsets = area.offsets(stratified(samples), towards).T
+    offsets = _offsets(frame, area, towards, samples).T
     if frame.faces > 1:
         lit = world[:, area.emits_towards(world)]
         return [_around(point, offset, lit) if offset.any() else point for offset in offsets]
@@ -51,6 +51,17 @@ def sample_frames(frame: LightFrame, view: EyeBuffer, samples: int) -> list[Ligh
         from_there(point, offset, depths, area.radius) if offset.any() else point
         for offset in offsets
     ]
+
+
+def _offsets(frame: LightFrame, area: AreaLight, towards, samples: int) -> np.ndarray:
+    """(3, n) from the light's centre to its samples. Those of a sphere's disk lie along the axes of
+    the light's own map, so that they turn with the scene and not with the world."""
+    square = stratified(samples)
+    if area.shape != "sphere" or towards is None:
+        return area.offsets(square, towards)
+    axes = frame.rotation[0]
+    ball = replace(area, centre=np.zeros(3))
+    return axes.T @ ball.offsets(square, axes @ (towards - area.centre))
 
 
 Depths = tuple[float, float] | None
@@ -74,15 +85,17 @@ def _outline(frame: LightFrame, face: int) -> np.ndarray:
 
 
 def _around(point: LightFrame, offset: np.ndarray, receivers: np.ndarray) -> LightFrame:
-    """Faces that hold all receivers (3, n), and a little more of each for a pixel's samples."""
-    origin = point.origin + offset
-    if not (np.linalg.norm(receivers - origin[:, None], axis=0) > point.near).any():
+    """Faces that hold all receivers (3, n), and a little more of each for a pixel's samples; those
+    of a cube along the axes of the light's own."""
+    origin, axes = point.origin + offset, point.rotation[0]
+    relative = axes @ (receivers - origin[:, None])
+    if not (np.linalg.norm(relative, axis=0) > point.near).any():
         return replace(point, origin=origin)
-    fitted = fitted_point_frame(origin, receivers, float(point.near))
+    fitted = fitted_point_frame(np.zeros(3), relative, float(point.near))
     return replace(
         point,
         origin=origin,
-        rotation=fitted.rotation,
+        rotation=fitted.rotation @ axes,
         corner=fitted.corner - FACE_MARGIN * fitted.extent,
         extent=(1 + 2 * FACE_MARGIN) * fitted.extent,
     )
