@@ -1,22 +1,32 @@
-"""A catalogue of hard cases: the thirty numerical traps of shadow maps as data, and their measure.
+"""A catalogue of hard cases: the numerical traps of shadow maps as data, and their measure.
 
     from asmjax.hard_cases import CASES, measure
 
     for record in measure(CASES["light parallel to the receiver"]):
         print(record.algorithm, record.severity, record.error, record.verdict)
 
-Kernel cases ask one kernel beside fifty digits or a closed form; scene cases ask every map of
-hard shadows beside float64 shadow rays. `docs/stability.md` is the whole of it, measured.
+Kernel cases ask one kernel beside fifty digits or a closed form; scene cases ask every algorithm
+beside float64 shadow rays. `docs/stability.md` is the whole of it, measured.
 """
 
-from asmjax.hard_cases import addresses, hits, ids, lights, projections, surfaces, views, warps
+from asmjax.hard_cases import (
+    addresses,
+    hits,
+    ids,
+    lights,
+    projections,
+    soft,
+    surfaces,
+    views,
+    warps,
+)
 from asmjax.hard_cases.case import ROWS, THEMES, Bound, HardCase, Kernel
-from asmjax.hard_cases.measure import PRECISIONS, SIDE, Measured, measure
+from asmjax.hard_cases.measure import PRECISIONS, SIDE, Measured, families_of, measure
 from asmjax.hard_cases.scene import Scene, Setup, traced
 
 CASES: dict[str, HardCase] = {
     case.name: case
-    for module in (projections, addresses, hits, ids, warps, lights, views, surfaces)
+    for module in (projections, addresses, hits, ids, warps, lights, views, surfaces, soft)
     for case in module.CASES
 }
 """By name, kernels first."""
@@ -33,6 +43,7 @@ __all__ = [
     "Measured",
     "Scene",
     "Setup",
+    "families_of",
     "measure",
     "traced",
 ]

@@ -39,10 +39,17 @@ ROWS = {
     28: "fold-over of warps",
     29: "parallel up vectors",
     30: "point lights at a great distance",
+    31: "penumbrae without width",
+    32: "lights so large that no umbra is left",
+    33: "casters at a light with a size",
+    34: "cones to a light of 90 degrees and more, cube seams below it",
+    35: "lights that cross the receiver's horizon",
+    36: "moments of depths in float32",
 }
-"""The thirty numerical traps of shadow maps, in the order in which the page lists them."""
+"""The thirty numerical traps of hard shadows and six of soft ones, in the order in which the page
+lists them."""
 
-Theme = Literal["projections", "addresses", "warps", "lights", "views", "surfaces"]
+Theme = Literal["projections", "addresses", "warps", "lights", "views", "surfaces", "soft"]
 
 THEMES: dict[Theme, str] = {
     "projections": "Projections and depths",
@@ -51,6 +58,7 @@ THEMES: dict[Theme, str] = {
     "lights": "Scenes: lights",
     "views": "Scenes: eyes, scales and offsets",
     "surfaces": "Scenes: surfaces and bias",
+    "soft": "Scenes: lights with a size",
 }
 """What cases are drawn and listed together."""
 
@@ -142,7 +150,7 @@ class HardCase:
     @property
     def is_scene(self) -> bool:
         """Whether algorithms are run on it, and not a kernel alone."""
-        return self.theme in ("lights", "views", "surfaces")
+        return self.theme in ("lights", "views", "surfaces", "soft")
 
     @property
     def few(self) -> tuple[float, ...]:

@@ -10,7 +10,7 @@ from typing import NamedTuple, cast
 import jax
 import numpy as np
 
-from asmjax.buffers import light_offset, project
+from asmjax.buffers import Receivers, light_offset, project
 from asmjax.buffers.receivers import GRAZING
 from asmjax.geometry import Charts
 from asmjax.hard_cases.scene import Scene
@@ -49,11 +49,16 @@ class Explained(NamedTuple):
     silent: np.ndarray
 
 
+def projected(scene: Scene) -> Receivers:
+    """The scene's pixels in the image of its light's middle."""
+    points = scene.eye.points
+    return _project(points, scene.frame, light_offset(points, scene.frame))
+
+
 def explained(scene: Scene, algorithm: ShadowAlgorithm, state, visibility) -> Explained:
     """Why pixels are wrong, with light rays in float64 all over each of their texels."""
     points = scene.eye.points
-    wrong = scene.wrong(visibility)
-    receivers = _project(points, scene.frame, light_offset(points, scene.frame))
+    wrong, receivers = scene.wrong(visibility), projected(scene)
     density = np.moveaxis(np.asarray(algorithm.density(state, points), np.float64), -1, 0)
     marked = np.asarray(receivers.secant) >= 0.999 / GRAZING
     edge, biased = np.zeros_like(wrong), np.zeros_like(wrong)

@@ -1,4 +1,5 @@
-"""Errors of hard cases against severity: a panel for each case of a theme."""
+"""Errors of hard cases against severity: a panel for each case of a theme, in scenes with a line
+for each algorithm."""
 
 from collections.abc import Iterable, Sequence
 
@@ -9,9 +10,10 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from asmjax.hard_cases.case import HardCase
-from asmjax.hard_cases.measure import PRECISIONS, Measured, Precision
+from asmjax.hard_cases.measure import PRECISIONS, Measured, Precision, families_of
 from asmjax.hard_cases.numbers import power_of_ten, severity_text
 from asmjax.report.figures.board import CAPTION, EDGE, GAP, HEAD, Board
+from asmjax.report.figures.families import look_of
 from asmjax.report.figures.style import FAINT, FALSE_DARK, FALSE_LIT, INK, styled
 
 _WIDTH, _HEIGHT, _LEFT, _BELOW = 440, 220, 70, 84
@@ -31,7 +33,7 @@ _SCENE = (-4.0, 0.3)
 
 @styled
 def draw_theme(cases: Sequence[HardCase], records: Iterable[Measured]) -> Figure:
-    """A panel for each of `cases`: the largest error, over all algorithms, at each severity.
+    """A panel for each of `cases`: the error at each severity; of scenes, of each algorithm.
 
     Hollow points are beyond the bound and announced; on the floor the error is 0, at the top there
     is no number because the toolkit refused.
@@ -41,7 +43,7 @@ def draw_theme(cases: Sequence[HardCase], records: Iterable[Measured]) -> Figure
     high = HEAD + _HEIGHT + _BELOW
     board = Board(
         2 * EDGE + _COLUMNS * (_LEFT + _WIDTH) + (_COLUMNS - 1) * GAP,
-        EDGE + rows * high + _LEGEND + CAPTION + EDGE,
+        EDGE + rows * high + _LEGEND * (2 if cases[0].is_scene else 1) + CAPTION + EDGE,
     )
     for k, case in enumerate(cases):
         x = EDGE + (k % _COLUMNS) * (_LEFT + _WIDTH + GAP)
@@ -49,10 +51,10 @@ def draw_theme(cases: Sequence[HardCase], records: Iterable[Measured]) -> Figure
         board.heading(x, y, _LEFT + _WIDTH, case.name, case.bound.unit)
         axes = board.axes(x + _LEFT, y + HEAD, _WIDTH, _HEIGHT)
         _draw(axes, case, [record for record in found if record.case == case.name])
-    _legend(board, cases[0].is_scene)
+    _legend(board, cases[0])
     board.caption(
-        "Severity grows to the right. Lowest line: 0, or less than the scale shows. "
-        "Highest: no number, because it was refused."
+        "Severity grows to the right. Lowest line: 0, or less than is shown. Highest: refused."
+        + _whole(cases[0])
     )
     return board.figure
 
@@ -61,29 +63,10 @@ def _draw(axes: Axes, case: HardCase, records: list[Measured]) -> None:
     low, high = _SCENE if case.is_scene else _KERNEL
     severities = list(dict.fromkeys(record.severity for record in records))
     if case.is_scene:
-        at, wrong = _worst(records, severities, "float32", "wrong")
-        known = np.where(np.isnan(wrong), np.nan, _shown(wrong, low, high))
-        axes.plot(at, known, color=_ALL, linewidth=3, zorder=1)
+        _draw_scene(axes, case, records, severities)
+    else:
+        _draw_kernel(axes, records, severities)
     for precision, colour in COLOURS.items():
-        at, worst = _worst(records, severities, precision, "error")
-        heights = _shown(worst, low, high)
-        # Of scenes few severities are measured in float64, and a line would tell of others.
-        single = precision == "float32" or not case.is_scene
-        line = "-" if single else "none"
-        axes.plot(at, heights, linestyle=line, color=colour, linewidth=1.4, zorder=3)
-        for k, height in zip(at, heights, strict=True):
-            mine = [r for r in records if (r.precision, r.severity) == (precision, severities[k])]
-            stable = all(record.verdict == "stable" for record in mine)
-            axes.plot(
-                k, height, "o", markersize=(5.5 if stable else 6.5) - (0 if single else 2.5),
-                color=colour, markerfacecolor=colour if stable else "white",
-                markeredgewidth=1.4, zorder=4 if single else 5,
-            )  # fmt: skip
-        at, slopes = _worst(records, severities, precision, "gradient_error")
-        if np.isfinite(slopes).any():
-            axes.plot(
-                at, _shown(slopes, low, high), ":", color=colour, linewidth=1.1, zorder=2
-            )  # fmt: skip
         bound, same = case.bound.of(precision), case.bound.float32 == case.bound.float64
         if bound > 10**low:
             axes.axhline(
@@ -106,6 +89,56 @@ def _draw(axes: Axes, case: HardCase, records: list[Measured]) -> None:
     axes.set_axisbelow(True)
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
+
+
+def _draw_kernel(axes: Axes, records: list[Measured], severities: list[float]) -> None:
+    for precision, colour in COLOURS.items():
+        at, worst = _worst(records, severities, precision, "error")
+        heights = _shown(worst, *_KERNEL)
+        axes.plot(at, heights, color=colour, linewidth=1.4, zorder=3)
+        for k, height in zip(at, heights, strict=True):
+            mine = [r for r in records if (r.precision, r.severity) == (precision, severities[k])]
+            _point(axes, k, height, mine, colour, "o", 5.5)
+        at, slopes = _worst(records, severities, precision, "gradient_error")
+        if np.isfinite(slopes).any():
+            axes.plot(at, _shown(slopes, *_KERNEL), ":", color=colour, linewidth=1.1, zorder=2)
+
+
+def _draw_scene(
+    axes: Axes, case: HardCase, records: list[Measured], severities: list[float]
+) -> None:
+    """A line for each algorithm in float32, and the largest of all in float64 as a cross."""
+    at, wrong = _worst(records, severities, "float32", "wrong")
+    axes.plot(at, np.where(np.isnan(wrong), np.nan, _shown(wrong, *_SCENE)), color=_ALL,
+              linewidth=3, zorder=1)  # fmt: skip
+    for family in families_of(case):
+        mine = [r for r in records if r.algorithm == family]
+        colour, marker = look_of(family)
+        at, errors = _worst(mine, severities, "float32", "error")
+        heights = _shown(errors, *_SCENE)
+        axes.plot(at, heights, color=colour, linewidth=1.2, zorder=3)
+        for k, height in zip(at, heights, strict=True):
+            _point(axes, k, height, [r for r in mine if r.severity == severities[k]], colour,
+                   marker, 5.0)  # fmt: skip
+    at, errors = _worst(records, severities, "float64", "error")
+    axes.plot(at, _shown(errors, *_SCENE), "x", color=INK, markersize=4, zorder=5)
+
+
+def _point(
+    axes: Axes,
+    k: int,
+    height: float,
+    records: list[Measured],
+    colour: str,
+    marker: str,
+    size: float,
+) -> None:
+    """Hollow where a record is beyond the bound."""
+    stable = all(record.verdict == "stable" for record in records)
+    axes.plot(
+        k, height, marker, markersize=size if stable else size + 1, color=colour,
+        markerfacecolor=colour if stable else "white", markeredgewidth=1.4, zorder=4,
+    )  # fmt: skip
 
 
 def _error_label(value: float, low: float, share: bool) -> str:
@@ -135,28 +168,40 @@ def _shown(x: np.ndarray, low: float, high: float) -> np.ndarray:
         return np.where(np.isnan(x), high, np.clip(np.log10(x), low, high))
 
 
-def _legend(board: Board, scenes: bool) -> None:
+def _whole(case: HardCase) -> str:
+    """What the grey line of a scene is."""
+    if not case.is_scene:
+        return ""
+    soft = case.theme == "soft"
+    what = "off by half of the light or more" if soft else "wrong, edges of texels included"
+    return f" Grey: pixels {what}."
+
+
+def _legend(board: Board, case: HardCase) -> None:
     def line(colour: str, label: str, **look) -> Line2D:
         return Line2D([], [], color=colour, label=label, linewidth=1.4, **look)
 
-    handles = [
-        line(COLOURS[precision], precision, marker="o", markersize=5) for precision in PRECISIONS
-    ]
-    handles.append(
-        line(INK, "announced: refused or marked", marker="o", markerfacecolor="white", markersize=6)
+    announced = line(
+        INK, "announced: refused or marked", marker="o", markerfacecolor="white", markersize=6
     )
-    handles.append(line(FAINT, "bound", linestyle=(0, (4, 3))))
-    if scenes:
-        handles.append(
-            Line2D([], [], color=_ALL, linewidth=3, label="wrong in all, edges of texels included")
-        )
+    bound = line(FAINT, "bound", linestyle=(0, (4, 3)))
+    if case.is_scene:
+        looks = {family: look_of(family) for family in families_of(case)}
+        handles = [
+            *(line(colour, family, marker=marker, markersize=5)
+              for family, (colour, marker) in looks.items()),
+            Line2D([], [], color=INK, marker="x", linestyle="none", label="largest in float64"),
+            announced, bound,
+            Line2D([], [], color=_ALL, linewidth=3, label="wrong in all"),
+        ]  # fmt: skip
     else:
-        handles.append(line(INK, "gradient", linestyle=":"))
+        handles = [line(COLOURS[p], p, marker="o", markersize=5) for p in PRECISIONS]
+        handles += [announced, bound, line(INK, "gradient", linestyle=":")]
     board.figure.legend(
         handles=handles,
         loc="lower left",
         bbox_to_anchor=((EDGE - 8) / board.width, (EDGE + CAPTION - 8) / board.height),
-        ncols=len(handles),
+        ncols=7 if case.is_scene else len(handles),
         columnspacing=1.8,
         handlelength=2.4,
     )

@@ -3,19 +3,29 @@
 import functools
 import math
 import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from math import isqrt
-from typing import Literal, cast
+from typing import Literal
 
 import jax
 import numpy as np
 
+from asmjax.buffers.receivers import GRAZING
 from asmjax.errors import UseError, unknown_name
 from asmjax.hard_cases.case import HardCase, Kernel
-from asmjax.hard_cases.explain import explained
+from asmjax.hard_cases.explain import explained, projected
 from asmjax.hard_cases.scene import Scene, Setup
-from asmjax.shadow import MAPS, AdaptiveShadowMap, CostModel, ShadowAlgorithm
+from asmjax.shadow import (
+    FILTERS,
+    MAPS,
+    SOFT,
+    AdaptiveShadowMap,
+    CostModel,
+    ShadowAlgorithm,
+    Status,
+    of_resolution,
+)
 from asmjax.shadow.comparison import texel_bytes
 
 Precision = Literal["float32", "float64"]
@@ -28,6 +38,9 @@ SIDE = 32
 
 TEXELS = 4**7
 """Texels of each map in all: 16 for each pixel, unless its memory goes to tables."""
+
+SOFT_TEXELS = 4**9
+"""The same under lights with a size, where the errors of texels at edges would hide all others."""
 
 _COSTS = CostModel(a_seconds_per_texel=1e-8, b_seconds=1e-5, residual=0.0)
 """Calibrated ones would make the order of refinement depend on the machine's load."""
@@ -74,16 +87,17 @@ def measure(
 
     Args:
         severities: some of the case's, or others; None for all of them.
-        algorithms: family names; None for all maps that are registered. A kernel has none.
+        algorithms: family names; None for all of `families_of`. A kernel has none.
         side: pixels a side of a scene.
 
     Raises:
-        UseError: an unknown algorithm.
+        UseError: an algorithm that is not asked on such cases.
     """
-    families = tuple(MAPS if algorithms is None else algorithms)
+    asked = families_of(case)
+    families = asked if algorithms is None else tuple(algorithms)
     for family in families:
-        if family not in MAPS:
-            raise unknown_name("algorithm", family, MAPS)
+        if case.is_scene and family not in asked:
+            raise unknown_name("algorithm", family, asked)
     found: list[Measured] = []
     for severity in case.severities if severities is None else severities:
         for precision in precisions:
@@ -95,13 +109,20 @@ def measure(
     return found
 
 
+def families_of(case: HardCase) -> tuple[str, ...]:
+    """The algorithms that are asked on a scene: soft maps under lights with a size, and maps and
+    filters of one under others, which make soft maps the uniform one."""
+    if not case.is_scene:
+        return ()
+    return tuple(SOFT) if case.theme == "soft" else (*MAPS, *FILTERS)
+
+
 def algorithm_for(family: str, faces: int, texels: int = TEXELS) -> ShadowAlgorithm:
     """An algorithm of that family with so many texels in all for a light of so many faces."""
     if family == "adaptive":
         # Its own comparison stores both depth and primitive, 6 bytes a texel.
         return AdaptiveShadowMap(memory_bytes=texels * texel_bytes("both"), cost_model=_COSTS)
-    make = cast(Callable[..., ShadowAlgorithm], MAPS[family])
-    return make(resolution=isqrt(texels // faces))
+    return of_resolution(family, isqrt(texels // faces))
 
 
 # Scenes.
@@ -120,12 +141,14 @@ def _scene(
         return
     for family in families:
         try:
-            algorithm = algorithm_for(family, scene.frame.faces)
+            texels = SOFT_TEXELS if scene.is_soft else TEXELS
+            algorithm = algorithm_for(family, scene.frame.faces, texels)
             state = algorithm.build(scene.eye, scene.frame, scene.rays)
         except UseError as problem:
             yield _refused(case, family, precision, severity, problem)
             continue
-        yield _judged(case, severity, precision, family, scene, algorithm, state)
+        judged = _judged_soft if scene.is_soft else _judged
+        yield judged(case, severity, precision, family, scene, algorithm, state)
 
 
 def _judged(
@@ -140,7 +163,12 @@ def _judged(
     points = scene.eye.points
     visibility = np.asarray(algorithm.visibility(state, points))
     density = np.asarray(algorithm.density(state, points), np.float64)
-    sound = np.isin(visibility, (0.0, 1.0)).all() and (np.abs(density) < _LARGEST_DENSITY).all()
+    answers = (
+        ((visibility >= 0) & (visibility <= 1))
+        if family in FILTERS
+        else (np.isin(visibility, (0.0, 1.0)))
+    )
+    sound = answers.all() and (np.abs(density) < _LARGEST_DENSITY).all()
     count = max(int(scene.judged.sum()), 1)
     why = explained(scene, algorithm, state, visibility)
     wrong, silent, stated = (float(part.sum()) / count for part in (why.wrong, why.silent,
@@ -157,6 +185,39 @@ def _judged(
     return Measured(
         case.name, family, precision, severity, error, None, wrong, silent, verdict, how
     )
+
+
+def _judged_soft(
+    case: HardCase,
+    severity: float,
+    precision: Precision,
+    family: str,
+    scene: Scene,
+    algorithm: ShadowAlgorithm,
+    state,
+) -> Measured:
+    """Announced are a status, and pixels that are marked: nearly along the light's middle, or
+    turned away from it, where only accumulated shadows know what the rest of the light does."""
+    visibility = np.asarray(algorithm.visibility(state, scene.eye.points), np.float64)
+    count = max(int(scene.judged.sum()), 1)
+    off = np.where(scene.judged, np.abs(visibility - scene.expected), 0.0)
+    receivers = projected(scene)
+    marked = ~np.asarray(receivers.facing) | (np.asarray(receivers.secant) >= 0.999 / GRAZING)
+    status = algorithm.status(state)
+    error, silent = float(off.sum()) / count, float(off[~marked].sum()) / count
+    if status is not Status.COMPLETE:
+        silent = 0.0
+    if not ((visibility >= 0) & (visibility <= 1)).all():
+        error = silent = math.inf
+    verdict, how = "stable", ""
+    if error > case.bound.of(precision):
+        announced = silent <= case.bound.of(precision)
+        verdict = "announced" if announced else "silent"
+        how = (f"status {status.name}" if status is not Status.COMPLETE else "marked") * announced
+    return Measured(
+        case.name, family, precision, severity, error, None,
+        float(scene.wrong(visibility).sum()) / count, silent, verdict, how,
+    )  # fmt: skip
 
 
 # Kernels.

@@ -31,5 +31,7 @@ def error_text(error: float | None) -> str:
 
 
 def share_text(share: float) -> str:
-    """A share as a percentage to one place."""
+    """A share as a percentage to one place; "-" where there is none."""
+    if math.isnan(share):
+        return "-"
     return "0" if share == 0 else f"{100 * share:.1f} %"

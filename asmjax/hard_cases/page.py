@@ -12,10 +12,16 @@ from pathlib import Path
 from asmjax.hard_cases import CASES
 from asmjax.hard_cases.case import ROWS, THEMES, HardCase, Theme
 from asmjax.hard_cases.figure import draw_theme
-from asmjax.hard_cases.measure import SIDE, Measured, Precision, measure
+from asmjax.hard_cases.measure import (
+    PRECISIONS,
+    SIDE,
+    Measured,
+    Precision,
+    families_of,
+    measure,
+)
 from asmjax.hard_cases.numbers import error_text, severity_text, share_text
 from asmjax.report.figures.board import save
-from asmjax.shadow import MAPS
 from asmjax.shadow.pages import between_markers
 
 BEGIN = "<!-- begin: written by `python -m asmjax.hard_cases.page docs/stability.md` -->"
@@ -47,15 +53,6 @@ def written_into(page: str, records: Sequence[Measured]) -> str:
     return between_markers(page, BEGIN, END, text_of(records))
 
 
-def measured(case: HardCase) -> list[Measured]:
-    """Kernels at all severities in both precisions; scenes in float64 at three of them, which costs
-    as much compiling again and hardly changes a pixel."""
-    if not case.is_scene:
-        return measure(case)
-    singles = measure(case, precisions=("float32",))
-    return singles + measure(case, severities=case.few, precisions=("float64",))
-
-
 def severities_text(case: HardCase) -> str:
     """The severities of a case, as its row lists them."""
     return ", ".join(severity_text(severity) for severity in case.severities)
@@ -70,9 +67,10 @@ def _limits(records: Sequence[Measured]) -> str:
         if not failed:
             continue
         least = min(failed, key=lambda record: case.severities.index(record.severity))
-        families = [f for f in MAPS if any(record.algorithm == f for record in failed)]
+        asked = families_of(case)
+        families = [f for f in asked if any(record.algorithm == f for record in failed)]
         who = ""
-        if families and len(families) < len(MAPS):
+        if families and len(families) < len(asked):
             who = f" ({', '.join(families)})"
         kinds = {record.precision for record in failed}
         only = f" in {kinds.pop()}" if len(kinds) == 1 else ""
@@ -142,27 +140,37 @@ def _verdict(case: HardCase, records: Iterable[Measured]) -> str:
 
 
 def _scenes(theme: Theme, records: Sequence[Measured]) -> str:
-    families = list(MAPS)
+    cases = of_theme(theme)
+    families = families_of(cases[0])
+    what = "Share of pixels wrong beyond a texel of an edge"
+    brackets = "wrong in all, edges of texels included"
+    if theme == "soft":
+        what, brackets = "Mean error, of the light", "pixels that are off by half of it or more"
     lines = [
-        f"Share of pixels wrong beyond a texel of an edge, at the worst severity and precision at "
-        f"which nothing is announced (in brackets: wrong in all, edges of texels included); "
-        f"{SIDE} x {SIDE} pixels. \\* beyond that, announced.\n",
+        f"{what}, in float32 / in float64, at the worst severity at which the algorithm is stable; "
+        f"in brackets: {brackets}, the worst of both. \\*N from severity N on not stable any more, "
+        f"and announced. {SIDE} x {SIDE} pixels.\n",
         f"| case | {' | '.join(families)} |",
         f"| --- | {' | '.join(['---'] * len(families))} |",
     ]
-    for case in of_theme(theme):
-        cells = []
-        for family in families:
-            mine = [r for r in records if r.case == case.name and r.algorithm == family]
-            kept = [r for r in mine if r.verdict == "stable"]
-            worst = max(kept, key=lambda r: (r.error, r.wrong or 0.0), default=None)
-            wrong = max((r.wrong or 0.0 for r in kept), default=0.0)
-            cell = "-" if worst is None else f"{share_text(worst.error)} ({share_text(wrong)})"
-            silent = any(r.verdict == "silent" for r in mine)
-            announced = any(r.verdict == "announced" for r in mine)
-            cells.append(cell + (" **silent**" if silent else " \\*" if announced else ""))
+    for case in cases:
+        mine = [record for record in records if record.case == case.name]
+        cells = [_cell([r for r in mine if r.algorithm == family]) for family in families]
         lines.append(f"| {case.name} | {' | '.join(cells)} |")
     return "\n".join([*lines, ""])
+
+
+def _cell(records: Sequence[Measured]) -> str:
+    """One algorithm's errors on one scene."""
+    kept = [record for record in records if record.verdict == "stable"]
+    errors = " / ".join(share_text(_largest_stable(records, p)) for p in PRECISIONS)
+    text = f"{errors} ({share_text(max(r.wrong or 0.0 for r in kept))})" if kept else "-"
+    failed = [record for record in records if record.verdict != "stable"]
+    if failed:
+        text += f" \\*{severity_text(min(record.severity for record in failed))}"
+    if any(record.verdict == "silent" for record in failed):
+        text += " **silent**"
+    return text
 
 
 def _words(theme: Theme) -> str:
@@ -178,7 +186,7 @@ def _image(theme: Theme) -> str:
 
 def write(path: Path) -> list[Measured]:
     """Measure everything, write the page's part and its figures; returns the records."""
-    records = [record for case in CASES.values() for record in measured(case)]
+    records = [record for case in CASES.values() for record in measure(case)]
     page = path.read_text(encoding="utf-8")
     path.write_text(written_into(page, records), encoding="utf-8")
     for theme in THEMES:

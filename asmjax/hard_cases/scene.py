@@ -11,6 +11,7 @@ from asmjax.geometry import LightFrame, in_domain, towards_light
 from asmjax.scene.analytic import closest
 from asmjax.scene.analytic_rays import AnalyticRays, analytic_eye, scene_bounds
 from asmjax.scene.lights import light_frame
+from asmjax.scene.soft_visibility import analytic_soft_visibility
 from asmjax.scene.spec import LightSpec, Shape, ViewSpec
 
 LIFTED = 1e-9
@@ -23,7 +24,8 @@ class Scene:
 
     Attributes:
         judged: (n,) bool, pixels that see something.
-        expected: (n,) float64 visibility in truth, where judged.
+        expected: (n,) float64 visibility in truth, where judged: 0 or 1, or of a light with a size
+            the visible share of it.
     """
 
     shapes: tuple[Shape, ...]
@@ -35,9 +37,14 @@ class Scene:
     judged: np.ndarray
     expected: np.ndarray
 
+    @property
+    def is_soft(self) -> bool:
+        """Whether its light has a size."""
+        return self.frame.area is not None
+
     def wrong(self, visibility) -> np.ndarray:
-        """(n,) judged pixels whose visibility differs from truth."""
-        return self.judged & (np.asarray(visibility) != self.expected)
+        """(n,) judged pixels whose visibility is off by half of the light or more."""
+        return self.judged & (np.abs(np.asarray(visibility, float) - self.expected) >= 0.5)
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,13 +83,15 @@ class Setup:
 def traced(
     shapes: Sequence[Shape], view: ViewSpec, light: LightSpec, frame: LightFrame | None = None
 ) -> Scene:
-    """Every pixel that sees something is judged; truth is a float64 shadow ray for each.
+    """Every pixel that sees something is judged; truth is a float64 shadow ray for each, or 256 of
+    them to a light with a size.
 
     `frame` is that of another view, for views that the light does not reach.
     """
     eye = analytic_eye(shapes, view)
     if frame is None:
         frame = light_frame(light, eye, scene_bounds(shapes))
+    soft = frame.area is not None
     return Scene(
         shapes=tuple(shapes),
         view=view,
@@ -91,7 +100,11 @@ def traced(
         frame=frame,
         rays=AnalyticRays(shapes),
         judged=np.asarray(eye.valid),
-        expected=_lit(shapes, eye, frame).astype(float),
+        expected=(
+            analytic_soft_visibility(shapes, eye, frame).visibility
+            if soft
+            else _lit(shapes, eye, frame).astype(float)
+        ),
     )
 
 

@@ -9,10 +9,10 @@ from asmjax.hard_cases.lights import DISK, GROUND, RAYS, SHAPES, SUN, TEST, VIEW
 from asmjax.hard_cases.scene import Setup
 from asmjax.scene.spec import Disk, Mesh, Rectangle, Sphere
 
-_FAR = Disk("far", (0.0, 14.0, 10.0), (0.0, 0.0, 1.0), 0.1)
+FAR = Disk("far", (0.0, 14.0, 10.0), (0.0, 0.0, 1.0), 0.1)
 """Out of sight, towards the light: depths count from there, and are ten units or more."""
 
-_DOWN = replace(
+DOWN = replace(
     VIEW, origin=(0.0, 0.0, 8.0), target=(0.0, 0.0, 0.0), up=(0.0, 1.0, 0.0), fov_x_deg=60.0
 )
 
@@ -21,14 +21,14 @@ def _tilted(severity: float) -> Setup:
     """A plane alone, seen squarely, lit at that angle."""
     angle = np.radians(severity)
     light = sun(0.8 * np.sin(angle), 0.6 * np.sin(angle), -np.cos(angle))
-    return Setup((GROUND, _FAR), _DOWN, light)
+    return Setup((GROUND, FAR), DOWN, light)
 
 
 def _thin_gap(severity: float) -> Setup:
     """A cover over half of the ground, `1 / severity` above it, cut open for the eye."""
     gap = 1 / severity
     cover = Rectangle("cover", (-2.5, 0.3, gap), (2.6, 0.0, 0.0), (0.0, 5.0, 0.0))
-    return Setup((GROUND, cover, _FAR), replace(_DOWN, near=8 - 0.5 * gap), SUN)
+    return Setup((GROUND, cover, FAR), replace(DOWN, near=8 - 0.5 * gap), SUN)
 
 
 def _slivers(severity: float) -> Setup:

@@ -333,7 +333,7 @@ CASES = (
         "1 - u + u z for w, held above 1e-6 (docs/theory.md, \"Warps\")",
         "50 digits", "1 / depth, near distances", (1e1, 1e3, 1e5, 1e7, 1e9),
         Bound(2e-6, 1e-14, "relative"), _at_centre,
-        1e6, "marked: depths below 1e-6 near distances are held there, and mean nothing",
+        1e6, "no view has such depths, below 1e-6 of its near distance: they are held there",
     ),
     HardCase(
         "fold-over of warps", (28,), "warps",
