@@ -1,7 +1,7 @@
 # %% [markdown]
 # # Hard cases, seen
-# Thirty-six numerical traps of shadow maps stand in `asmjax.hard_cases` as data: what breaks, how to
-# build it at any severity, its truth, its bound, and how failure is announced.
+# Thirty-six numerical traps of shadow maps stand in `asmjax.hard_cases` as data: what breaks, how
+# to build it at any severity, its truth, its bound, and how failure is announced.
 # `docs/stability.md` has all of them measured; here are some to look at. No renderer is needed.
 
 # %%
