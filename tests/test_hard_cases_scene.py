@@ -18,12 +18,12 @@ from helpers.poses import projected
 from asmjax.hard_cases import CASES, SIDE, Setup, families_of, measure
 from asmjax.hard_cases.explain import explained
 from asmjax.hard_cases.lights import SHAPES, SUN, VIEW
-from asmjax.hard_cases.measure import TEXELS, _judged_soft, algorithm_for
-from asmjax.shadow import MAPS, Status
+from asmjax.hard_cases.measure import SOFT_TEXELS, TEXELS, _judged_soft, algorithm_for
+from asmjax.shadow import FILTERS, MAPS, SOFT, MomentShadowMap, Status
 from asmjax.shadow.soft import PCSSShadowMap
 
 SCENES = [case for case in CASES.values() if case.is_scene]
-HARD_LIGHTS = [case for case in SCENES if case.theme != "soft"]
+HARD_LIGHTS = [case for case in SCENES if not case.is_soft]
 each_scene = pytest.mark.parametrize("case", SCENES, ids=lambda case: case.name)
 FAMILIES = tuple(family for family in MAPS if HARD or family not in LEFT_OUT)
 each_family = pytest.mark.parametrize("family", FAMILIES)
@@ -173,8 +173,57 @@ def test_a_soft_shadow_that_is_missing_is_silent_unless_it_is_announced():
     case = CASES["soft shadows in tiny scenes"]
     scene = _scene(case, 1.0)
     for says, verdict in ((Status.COMPLETE, "silent"), (Status.MARGIN_LIMIT, "announced")):
-        record = _judged_soft(case, 1.0, "float32", "pcss", scene, _Lit(says=says), None)
+        lit = _Lit(resolution=128, says=says)
+        state = lit.build(scene.eye, scene.frame, scene.rays)
+        record = _judged_soft(case, 1.0, "float32", "pcss", scene, lit, state)
         assert record.verdict == verdict and record.error == pytest.approx(
             1 - scene.expected[scene.judged].mean()
         )
     assert record.wrong == pytest.approx((scene.expected[scene.judged] <= 0.5).mean())
+
+
+SOFT_CASES = [case for case in SCENES if case.is_soft]
+each_soft = pytest.mark.parametrize("case", SOFT_CASES, ids=lambda case: case.name)
+
+LIT_ALL_OVER = ("acne below a light with a size", "light that crosses the receiver's horizon")
+"""Cases without a caster: what is asked is that nothing is dark."""
+
+
+@each_soft
+def test_no_soft_case_is_passed_by_all_or_nothing(case):
+    """Where it has to be stable, a map that finds no shadow is beyond its bound, and so is one that
+    finds nothing else."""
+    for severity in case.severities:
+        if case.fails_from is not None and severity >= case.fails_from:
+            break
+        scene = _scene(case, severity)
+        lit = float(scene.expected[scene.judged].mean())
+        assert lit > case.bound.float32
+        assert case.name in LIT_ALL_OVER or 1 - lit > case.bound.float32, severity
+
+
+def test_the_range_of_depths_is_as_long_as_it_is_named():
+    case = CASES["moments of a long range of depths"]
+    scene = _scene(case, case.severities[-1])
+    algorithm = algorithm_for("moment", 1, SOFT_TEXELS)
+    state = algorithm.build(scene.eye, scene.frame, scene.rays)
+    assert isinstance(algorithm, MomentShadowMap)
+    assert float(state.sums.scale[1]) > 0.4 * case.severities[-1]
+
+
+@pytest.mark.parametrize("name, severity", [
+    ("light as large as its distance", 3.0), ("light with a size and a wide field of view", 150.0),
+])  # fmt: skip
+@pytest.mark.parametrize("family", (*SOFT, *FILTERS))
+def test_what_a_soft_map_says_of_itself_is_sound(family, name, severity):
+    scene = _scene(CASES[name], severity)
+    algorithm = algorithm_for(family, scene.frame.faces)
+    points = scene.eye.points
+    state = algorithm.build(scene.eye, scene.frame, scene.rays)
+    density = np.asarray(algorithm.density(state, points), np.float64)
+    assert np.isfinite(density).all() and np.abs(density).max() < LARGEST
+    facing = np.asarray(projected(points, scene.frame).facing)
+    assert (np.abs(np.linalg.det(np.moveaxis(density, -1, 0))) > 0).tolist() == facing.tolist()
+    cost = algorithm.cost(state)
+    assert 0 < cost.texels <= 4 * TEXELS and 0 < cost.bytes and 0 < cost.rays
+    assert 1 <= algorithm.effective_resolution(state) < LARGEST

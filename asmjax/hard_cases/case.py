@@ -97,7 +97,8 @@ class Kernel:
         gradient: of the inputs, in JAX; None where none is asked for.
         gradient_truth: as `truth`.
         unit: what an error of 1 is in `value`; None for relative errors.
-        marks: of the inputs, whether the kernel says that an entry is beyond it; in JAX.
+        marks: of the inputs, whether the kernel says that an entry is beyond it, or its case that
+            asmjax never asks that of it; in JAX.
         refusal: raises `UseError` where the toolkit does not take this severity.
         goes_on: whether the kernel is asked all the same, to show what is refused.
         host: whether `value` is called as it is, and not compiled.
@@ -151,6 +152,11 @@ class HardCase:
     def is_scene(self) -> bool:
         """Whether algorithms are run on it, and not a kernel alone."""
         return self.theme in ("lights", "views", "surfaces", "soft")
+
+    @property
+    def is_soft(self) -> bool:
+        """Whether the scene's light has a size, so that soft maps are run on it."""
+        return self.theme == "soft"
 
     @property
     def few(self) -> tuple[float, ...]:

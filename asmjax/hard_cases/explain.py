@@ -55,8 +55,14 @@ def projected(scene: Scene) -> Receivers:
     return _project(points, scene.frame, light_offset(points, scene.frame))
 
 
-def explained(scene: Scene, algorithm: ShadowAlgorithm, state, visibility) -> Explained:
-    """Why pixels are wrong, with light rays in float64 all over each of their texels."""
+def explained(
+    scene: Scene, algorithm: ShadowAlgorithm, state, visibility, slack: float = 1.0
+) -> Explained:
+    """Why pixels are wrong, with light rays in float64 all over each of their texels.
+
+    Args:
+        slack: how many times the bias in texels the algorithm says that it forgives.
+    """
     points = scene.eye.points
     wrong, receivers = scene.wrong(visibility), projected(scene)
     density = np.moveaxis(np.asarray(algorithm.density(state, points), np.float64), -1, 0)
@@ -67,7 +73,7 @@ def explained(scene: Scene, algorithm: ShadowAlgorithm, state, visibility) -> Ex
     if looked.size:
         texel = np.linalg.inv(density[looked])
         width, forgiven = np.linalg.norm(texel, ord=2, axis=(1, 2)), cast(Tested, algorithm).bias
-        tolerance = np.asarray(depth_tolerance(receivers, 1.0, 0.0), np.float64)[looked] * width
+        tolerance = np.asarray(depth_tolerance(receivers, slack, 0.0), np.float64)[looked] * width
         tolerance += np.asarray(depth_tolerance(receivers, 0.0, forgiven), np.float64)[looked]
         face = np.asarray(receivers.face)[looked]
         uv = _image(scene, face, scene.eye.world[:, looked])

@@ -53,7 +53,7 @@ def draw_theme(cases: Sequence[HardCase], records: Iterable[Measured]) -> Figure
         _draw(axes, case, [record for record in found if record.case == case.name])
     _legend(board, cases[0])
     board.caption(
-        "Severity grows to the right. Lowest line: 0, or less than is shown. Highest: refused."
+        "Severity grows to the right. Lowest: 0, or less than is shown. Highest: more, or refused."
         + _whole(cases[0])
     )
     return board.figure
@@ -172,8 +172,7 @@ def _whole(case: HardCase) -> str:
     """What the grey line of a scene is."""
     if not case.is_scene:
         return ""
-    soft = case.theme == "soft"
-    what = "off by half of the light or more" if soft else "wrong, edges of texels included"
+    what = "off by half of the light or more" if case.is_soft else "wrong, edges of texels included"
     return f" Grey: pixels {what}."
 
 

@@ -20,8 +20,10 @@ from asmjax.shadow import (
     FILTERS,
     MAPS,
     SOFT,
+    AccumulatedShadowMap,
     AdaptiveShadowMap,
     CostModel,
+    MomentShadowMap,
     ShadowAlgorithm,
     Status,
     of_resolution,
@@ -44,6 +46,10 @@ SOFT_TEXELS = 4**9
 
 _COSTS = CostModel(a_seconds_per_texel=1e-8, b_seconds=1e-5, residual=0.0)
 """Calibrated ones would make the order of refinement depend on the machine's load."""
+
+_CONTACT = 5.0
+"""A moment map forgives a whole texel on the receiver's slope, where a test forgives a fifth: what
+is asked about is the nearest point of the receiver's plane in the window."""
 
 _LARGEST_DENSITY = 2.0**50
 """Texels per image side that a map may claim to have."""
@@ -114,7 +120,7 @@ def families_of(case: HardCase) -> tuple[str, ...]:
     filters of one under others, which make soft maps the uniform one."""
     if not case.is_scene:
         return ()
-    return tuple(SOFT) if case.theme == "soft" else (*MAPS, *FILTERS)
+    return tuple(SOFT) if case.is_soft else (*MAPS, *FILTERS)
 
 
 def algorithm_for(family: str, faces: int, texels: int = TEXELS) -> ShadowAlgorithm:
@@ -196,13 +202,18 @@ def _judged_soft(
     algorithm: ShadowAlgorithm,
     state,
 ) -> Measured:
-    """Announced are a status, and pixels that are marked: nearly along the light's middle, or
-    turned away from it, where only accumulated shadows know what the rest of the light does."""
+    """Announced are a status; pixels that are marked, nearly along the light's middle; those turned
+    away from it, where only accumulated shadows ask what the rest of the light does; and umbrae of
+    casters that are nearer than the stated bias."""
     visibility = np.asarray(algorithm.visibility(state, scene.eye.points), np.float64)
     count = max(int(scene.judged.sum()), 1)
     off = np.where(scene.judged, np.abs(visibility - scene.expected), 0.0)
     receivers = projected(scene)
-    marked = ~np.asarray(receivers.facing) | (np.asarray(receivers.secant) >= 0.999 / GRAZING)
+    marked = np.asarray(receivers.secant) >= 0.999 / GRAZING
+    if not isinstance(algorithm, AccumulatedShadowMap):
+        marked |= ~np.asarray(receivers.facing)
+    slack = _CONTACT if isinstance(algorithm, MomentShadowMap) else 1.0
+    marked |= explained(scene, algorithm, state, visibility, slack).stated
     status = algorithm.status(state)
     error, silent = float(off.sum()) / count, float(off[~marked].sum()) / count
     if status is not Status.COMPLETE:

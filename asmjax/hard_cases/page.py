@@ -144,12 +144,12 @@ def _scenes(theme: Theme, records: Sequence[Measured]) -> str:
     families = families_of(cases[0])
     what = "Share of pixels wrong beyond a texel of an edge"
     brackets = "wrong in all, edges of texels included"
-    if theme == "soft":
+    if cases[0].is_soft:
         what, brackets = "Mean error, of the light", "pixels that are off by half of it or more"
     lines = [
-        f"{what}, in float32 / in float64, at the worst severity at which the algorithm is stable; "
-        f"in brackets: {brackets}, the worst of both. \\*N from severity N on not stable any more, "
-        f"and announced. {SIDE} x {SIDE} pixels.\n",
+        f"{what}, in float32 / in float64, the largest over the severities at which the algorithm "
+        f"is stable; in brackets: {brackets}, the worst of both. \\*N from severity N on not "
+        f"stable any more, and announced. {SIDE} x {SIDE} pixels.\n",
         f"| case | {' | '.join(families)} |",
         f"| --- | {' | '.join(['---'] * len(families))} |",
     ]

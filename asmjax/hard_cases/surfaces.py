@@ -7,7 +7,7 @@ import numpy as np
 from asmjax.hard_cases.case import HardCase
 from asmjax.hard_cases.lights import DISK, GROUND, RAYS, SHAPES, SUN, TEST, VIEW, WRONG, sun
 from asmjax.hard_cases.scene import Setup
-from asmjax.scene.spec import Disk, Mesh, Rectangle, Sphere
+from asmjax.scene.spec import Disk, LightSpec, Mesh, Rectangle, Sphere
 
 FAR = Disk("far", (0.0, 14.0, 10.0), (0.0, 0.0, 1.0), 0.1)
 """Out of sight, towards the light: depths count from there, and are ten units or more."""
@@ -19,12 +19,16 @@ DOWN = replace(
 
 def _tilted(severity: float) -> Setup:
     """A plane alone, seen squarely, lit at that angle."""
-    angle = np.radians(severity)
-    light = sun(0.8 * np.sin(angle), 0.6 * np.sin(angle), -np.cos(angle))
-    return Setup((GROUND, FAR), DOWN, light)
+    return Setup((GROUND, FAR), DOWN, falling(severity))
 
 
-def _thin_gap(severity: float) -> Setup:
+def falling(degrees: float) -> LightSpec:
+    """Parallel light that comes so far from straight down."""
+    angle = np.radians(degrees)
+    return sun(0.8 * np.sin(angle), 0.6 * np.sin(angle), -np.cos(angle))
+
+
+def thin_gap(severity: float) -> Setup:
     """A cover over half of the ground, `1 / severity` above it, cut open for the eye."""
     gap = 1 / severity
     cover = Rectangle("cover", (-2.5, 0.3, gap), (2.6, 0.0, 0.0), (0.0, 5.0, 0.0))
@@ -98,7 +102,7 @@ CASES = (
         "A bias against acne lets light through casters nearer to the receiver than it.",
         f"{TEST}: sec psi (5e-6 z + 0.2 texel), vanishing as texels do", RAYS,
         "1 / gap between caster and receiver, scene units",
-        (2.0, 10.0, 1e2, 1e4, 1e6), WRONG, _thin_gap,
+        (2.0, 10.0, 1e2, 1e4, 1e6), WRONG, thin_gap,
         100.0, "the stated bias: `bias_distance`, in scene units",
     ),
     HardCase(
