@@ -26,7 +26,7 @@ from asmjax.scene.file_names import shown
 from asmjax.scene.mesh_files import check_mesh_file
 from asmjax.scene.scan import SceneFiles, scan
 
-RULES = 4
+RULES = 5
 """Number of the rules; a change of what is refused forgets what was let through."""
 
 START_SECONDS = 120.0

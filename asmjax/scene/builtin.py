@@ -115,16 +115,12 @@ def asked_triangles(name: str) -> int:
     """Triangles that a scene of any size will hold in memory, before any is made; 0 for others.
 
     Raises:
-        UseError: as `load_builtin`, or a size that the scene cannot have.
+        UseError: as `load_builtin`.
     """
     base, colon, size = name.partition(":")
     _check_name(name)
-    if not colon or base in _REPEATED:
-        return 0
-    sizes = _maker(base)[0].SIZES
-    triangles = sizes.parse(size)
-    sizes.check(triangles)
-    return triangles
+    triangles = _asked(base, size) if colon else 0
+    return 0 if base in _REPEATED else triangles
 
 
 def load_builtin(name: str) -> SceneSpec:
@@ -132,14 +128,22 @@ def load_builtin(name: str) -> SceneSpec:
 
     Raises:
         UseError: no such scene (the nearest name is suggested), a size that is no number of
-            triangles, or one after the name of a scene that has its own.
+            triangles or that the scene cannot have, or one after the name of a scene that has its
+            own.
     """
     base, colon, size = name.partition(":")
     _check_name(name)
     if not colon:
         return BUILTIN[name]()
-    module, make = _maker(base)
-    return make(module.SIZES.parse(size), name)
+    return _maker(base)[1](_asked(base, size), name)
+
+
+def _asked(base: str, size: str) -> int:
+    """The number of triangles that `size` says, which the scene called `base` can have."""
+    sizes = _maker(base)[0].SIZES
+    triangles = sizes.parse(size)
+    sizes.check(triangles)
+    return triangles
 
 
 def _check_name(name: str) -> None:
@@ -159,7 +163,7 @@ def scene_item(name: str) -> SceneItem:
     the name, and the triangles that are asked for.
 
     Raises:
-        UseError: as `load_builtin`, or a size outside its range.
+        UseError: as `load_builtin`.
     """
     base, colon, size = name.partition(":")
     if base in ANALYTIC_SCENES and not colon:
@@ -168,10 +172,7 @@ def scene_item(name: str) -> SceneItem:
     item = next(item for item in _ITEMS if item.name == base)
     if not colon:
         return item
-    sizes = _maker(base)[0].SIZES
-    triangles = sizes.parse(size)
-    sizes.check(triangles)
-    return replace(item, name=name, triangles=triangles)
+    return replace(item, name=name, triangles=_asked(base, size))
 
 
 def list_scenes() -> list[SceneItem]:

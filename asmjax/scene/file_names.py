@@ -9,6 +9,7 @@ import stat
 import time
 from collections.abc import Set
 from pathlib import Path
+from typing import NamedTuple
 
 from asmjax.errors import UseError, require
 
@@ -40,6 +41,11 @@ def shown(text: str) -> str:
     return repr(whole)
 
 
+def has_control(name: str) -> bool:
+    """Whether `name` has a character below the space, as a NUL or a line break."""
+    return any(character < " " for character in name)
+
+
 def _followed(path: Path) -> Path | None:
     """Where `path` leads by its links, whether or not there is a file; None where that cannot be
     told."""
@@ -53,8 +59,11 @@ class Folder:
     """A scene's folder, outside which nothing is opened."""
 
     def __init__(self, path: Path):
-        self.path = Path(os.path.abspath(path))
+        self._given = path.absolute()
         self._real = Path(os.path.realpath(path))
+        # A `..` after a link leads elsewhere than the text of the path says.
+        plain = Path(os.path.abspath(path))
+        self.path = plain if Path(os.path.realpath(plain)) == self._real else self._real
 
     def real_path(self, name: str) -> Path | None:
         """The file that `name` stands for, links followed, or None where it is outside.
@@ -62,8 +71,10 @@ class Folder:
         Links and `..` are followed as the system does it. What is outside by its name alone is not
         even looked for there.
         """
+        if Path(name).is_relative_to(self._given):
+            name = str(Path(name).relative_to(self._given))
         # To follow a name takes time by the square of its length.
-        if len(name) > LONGEST_NAME or any(character < " " for character in name):
+        if len(name) > LONGEST_NAME or has_control(name):
             return None
         named = Path(os.path.normpath(self.path / name))
         if not named.is_relative_to(self.path) and not named.is_relative_to(self._real):
@@ -98,15 +109,27 @@ class Folder:
                 )
 
 
+class Found(NamedTuple):
+    """A file that a scene names.
+
+    Attributes:
+        path: of the file, links followed.
+        folders: in which it stands, and where links to it stand that Mitsuba may come by.
+    """
+
+    path: Path
+    folders: frozenset[Path]
+
+
 class Names:
     """The files that a scene names, each looked for once."""
 
     def __init__(self, folder: Folder):
         self._folder = folder
-        self._known: dict[tuple[str, Set[Path]], Path] = {}
+        self._known: dict[tuple[str, Set[Path]], Found] = {}
         self._looks, self._seconds = 0, 0.0
 
-    def file(self, name: str, before: Set[Path]) -> Path:
+    def file(self, name: str, before: Set[Path]) -> Found:
         """The regular file inside the scene's folder that `name` stands for.
 
         Args:
@@ -117,12 +140,13 @@ class Names:
         """
         key = name, before
         if key not in self._known:
-            begun = time.process_time()
+            # Other threads may be at work meanwhile.
+            begun = time.thread_time()
             self._known[key] = self._found(name, before)
-            self._seconds += time.process_time() - begun
+            self._seconds += time.thread_time() - begun
         return self._known[key]
 
-    def _found(self, name: str, before: Set[Path]) -> Path:
+    def _found(self, name: str, before: Set[Path]) -> Found:
         require(
             len(name) <= LONGEST_NAME and name.count("/") <= MOST_FOLDERS,
             f"names a file in {len(name):,} characters and {name.count('/'):,} folders, "
@@ -135,7 +159,14 @@ class Names:
         )
         require(
             self._seconds <= MOST_SECONDS,
-            f"names files that take more than {MOST_SECONDS:g} s to be found; take out links.",
+            f"names files that take more than {MOST_SECONDS:g} s to be found; take out links, "
+            f"{TRUST}.",
+        )
+        require(name != "", "names a file without giving its name; mend the scene.")
+        require(
+            not has_control(name),
+            f"names the file {shown(name)}, which has a line break or another control character; "
+            "give it another name.",
         )
         real = self._folder.real_path(name)
         if real is None:
@@ -158,11 +189,12 @@ class Names:
             stat.S_ISREG(mode),
             f"names {shown(name)}, which is no regular file; name a file, or mend the scene.",
         )
-        for folder in before:
-            other = folder / name
+        others = [folder / name for folder in before if os.path.lexists(folder / name)]
+        for other in others:
             require(
-                not os.path.lexists(other) or _followed(other) == real,
+                _followed(other) == real,
                 f"names {shown(name)}, which is in the scene's folder and beside an included file "
                 "too; give one of them another name.",
             )
-        return real
+        ways = (real, self._folder.path / name, *others)
+        return Found(real, frozenset(way.parent for way in ways))

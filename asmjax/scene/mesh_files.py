@@ -1,8 +1,9 @@
 """Whether a mesh file is what it says: counts that fit its size, indices in range, finite vertices.
 
 Mitsuba 3.9 allocates by a header's counts, takes a face index slightly out of range as it is, and
-crashes at one far out of range. So PLY and OBJ files are read here first, at the speed of NumPy.
-Binary ones are mapped and text is read in pieces, so that neither takes memory as its size grows.
+crashes at one far out of range. So PLY and OBJ files are read here first: binary
+ones at the speed of NumPy, text at about two microseconds a triangle. Both are looked at in pieces,
+so that a larger file takes no more memory.
 As in Mitsuba, faces of a PLY file are triangles, each list three numbers long.
 """
 
@@ -44,6 +45,9 @@ is left to the child process that loads scenes first (`asmjax.render.untrusted`)
 
 PIECE = 2**18
 """Bytes of text that are read at once; no line of an OBJ file and no word may have more."""
+
+SLICE = 2**18
+"""Binary records that are looked at at once."""
 
 ROWS = 2**14
 """Records of text that are looked at at once."""
@@ -99,7 +103,8 @@ def _check_ply(path: Path) -> None:
     for axis in "xyz":
         require(axis in columns, f"has no vertex property {axis}; export it again.")
     lists = [name for name in LISTS if name in by_name["face"].lists]
-    require(len(lists) == 1, f"has no face list {LISTS[0]}; export it again.")
+    require(bool(lists), f"has no face list {LISTS[0]}; export it again.")
+    require(len(lists) == 1, f"has the face lists {' and '.join(lists)}; export one of them.")
     read = _binary_records if order else _ascii_records
     for element, records in read(path, order, elements, start):
         for name in element.lists:
@@ -190,7 +195,9 @@ def _binary_records(path: Path, order: str, elements: list[_Element], start: int
         if element.count * dtype.itemsize > 0:
             pieces.append((element, np.ndarray(element.count, dtype, content.data, start)))
         start += element.count * dtype.itemsize
-    yield from pieces
+    for element, records in pieces:
+        for first in range(0, len(records), SLICE):
+            yield element, records[first : first + SLICE]
 
 
 def _ascii_records(path: Path, order: str, elements: list[_Element], start: int) -> _Records:

@@ -16,7 +16,7 @@ from typing import NamedTuple, NoReturn
 from xml.parsers import expat
 
 from asmjax.errors import UseError
-from asmjax.scene.file_names import TRUST, Folder, Names, shown
+from asmjax.scene.file_names import TRUST, Folder, Names, has_control, shown
 from asmjax.scene.spec import MAX_SIDE
 
 MOST_DEPTH = 64
@@ -161,6 +161,7 @@ class _Scan:
         self._path, self._plugins = path, plugins
         self._folder = Folder(path.parent)
         self._names = Names(self._folder)
+        self._sound: set[Path] = set()  # folders in which nothing shadows
         self._documents: dict[Path, None] = {}
         self._references: dict[Reference, None] = {}
         self._parameters: list[tuple[str, str]] = []  # longest name first, as they are filled in
@@ -170,18 +171,26 @@ class _Scan:
         self._open: list[_Open] = []
 
     def run(self) -> SceneFiles:
-        self._folder.check_nothing_shadows()
+        if has_control(self._path.name):
+            raise UseError(
+                f"scene file {shown(self._path.name)} has a line break or another control "
+                "character in its name; give it another name."
+            )
         real = self._folder.real_path(str(self._path.absolute()))
         if real is None:
             raise UseError(
                 f"scene file {shown(self._path.name)} is a link out of its folder; give the path "
                 "of the file itself."
             )
-        self._document(real, self._folder.path)
+        self._document(real, frozenset({real.parent, self._folder.path}))
         return SceneFiles(self._folder, tuple(self._documents), tuple(self._references))
 
-    def _document(self, path: Path, folder: Path) -> None:
-        """Scan an XML file, inside the folder, at the place where it is included."""
+    def _document(self, path: Path, folders: frozenset[Path]) -> None:
+        """Scan an XML file, inside the folder, at the place where it is included; Mitsuba then
+        looks for files in one of `folders` too."""
+        for folder in folders - self._sound:
+            Folder(folder).check_nothing_shadows()
+        self._sound |= folders
         parser = expat.ParserCreate("UTF-8")
         if len(self._open) > MOST_INCLUDE_DEPTH:
             self._refuse(
@@ -192,7 +201,7 @@ class _Scan:
         if self._includes > MOST_INCLUDES + 1:
             self._refuse(f"includes more than {MOST_INCLUDES} files in all; write them out.")
         around = self._open[-1].beside if self._open else frozenset()
-        beside = (around | {folder, path.parent}) - {self._folder.path}
+        beside = (around | folders) - {self._folder.path}
         self._open.append(_Open(path, beside, parser, len(self._stack)))
         content = self._read(path)
         self._documents[path] = None
@@ -299,14 +308,13 @@ class _Scan:
     def _file(self, name: str, kind: str) -> None:
         """A file named `name` by what `kind` says; an included one is scanned."""
         try:
-            real = self._names.file(name, self._open[-1].beside)
+            found = self._names.file(name, self._open[-1].beside)
         except UseError as problem:
             self._refuse(str(problem))
         if kind == "include":
-            Folder(real.parent).check_nothing_shadows()
-            self._document(real, (self._folder.path / name).parent)
+            self._document(found.path, found.folders)
         else:
-            self._references[Reference(real, kind)] = None
+            self._references[Reference(found.path, kind)] = None
 
     def _define(self, name: str, value: str) -> None:
         """A default of a parameter: the first one counts."""

@@ -25,6 +25,7 @@ from hostile.makers import (
     parts,
     scene_cannot_be_read,
     scene_is_a_link,
+    scene_is_a_link_to_plugins,
     scene_is_a_pipe,
     shape,
     text,
@@ -115,6 +116,9 @@ DOCUMENTS = {
     "the scene is a FIFO": Hostile(scene_is_a_pipe, "no regular file"),
     "the scene cannot be read": Hostile(scene_cannot_be_read, "cannot be read|no regular file"),
     "the scene is a device": Hostile(lambda folder, outside: Path("/dev/zero"), "no regular file"),
+    "the scene has a tab in its name": Hostile(
+        lambda folder, outside: folder / "a\tb.xml", "control character in its name"
+    ),
     "there is no scene": Hostile(lambda folder, outside: folder / "no.xml", "cannot be read"),
 }
 
@@ -185,6 +189,22 @@ INCLUDES = {
         with_files({"sub/a.xml": EMPTY, "sub/plugins/x.so": ""}, include("sub/a.xml")),
         "'plugins' stands beside",
     ),
+    "plugins beside a link": Hostile(
+        with_link("b/a.xml", "../real/a.xml", include("b/a.xml"),
+                  files={"real/a.xml": EMPTY, "b/plugins/x.so": ""}), "'plugins' stands beside"
+    ),
+    "plugins beside a link beside the included file": Hostile(
+        with_link("sub/x/a.xml", "../../x/a.xml", include("sub/inner.xml"),
+                  files={"sub/inner.xml": f'<scene version="3.0.0">{include("x/a.xml")}</scene>',
+                         "x/a.xml": EMPTY, "sub/x/plugins/x.so": ""}), "'plugins' stands beside"
+    ),
+    "other file beside a link beside the included file": Hostile(
+        with_link("sub/x/a.xml", "../../x/a.xml", include("sub/inner.xml"),
+                  files={"sub/inner.xml": f'<scene version="3.0.0">{include("x/a.xml")}</scene>',
+                         "x/a.xml": f'<scene version="3.0.0">{mesh_xml("m.ply")}</scene>',
+                         "m.ply": ply(), "sub/x/m.ply": ply(faces=[(0, 1, 3)])}),
+        "beside an included file too",
+    ),
     "type by a parameter from outside": Hostile(
         with_files({"a.xml": f'<scene version="3.0.0">{shape("$kind")}</scene>'},
                    '<default name="kind" value="../evil"/>', include("a.xml")), "plugin type"
@@ -199,6 +219,9 @@ PLUGINS = {
     "folder": Hostile(with_files({"plugins/sphere.so": "x"}, BALL), "'plugins' stands beside"),
     "empty folder": Hostile(with_files({"plugins/.keep": ""}, BALL), "'plugins' stands beside"),
     "folder by a link": Hostile(with_link("plugins", "OUTSIDE", BALL), "'plugins' stands beside"),
+    "beside the file that the scene is a link to": Hostile(
+        scene_is_a_link_to_plugins, "'plugins' stands beside the scene file in 'sub'"
+    ),
     "data in their place": Hostile(
         with_files({"data/ior/Au.eta.spd": "400 1"}, BALL), "'data/ior' stands beside"
     ),
@@ -256,9 +279,9 @@ FILE_NAMES = {
         parts('<default name="x" value="."/>', mesh_xml("$x$x/outside/mesh.ply")), "outside"
     ),
     "folder": Hostile(with_files({"sub/x": ""}, mesh_xml("sub")), "no regular file"),
-    "nothing": Hostile(parts(mesh_xml("")), "which is outside"),
+    "nothing": Hostile(parts(mesh_xml("")), "without giving its name"),
     "missing": Hostile(parts(mesh_xml("no.ply")), "'no.ply', which is not in the scene"),
-    "line break": Hostile(parts(mesh_xml("a&#10;b.ply")), "which is outside"),
+    "line break": Hostile(parts(mesh_xml("a&#10;b.ply")), "has a line break or another control"),
     "very long": Hostile(parts(mesh_xml("a" * 5000)), "in 5,000 characters"),
     "of a spectrum": Hostile(
         parts('<bsdf type="diffuse"><spectrum name="reflectance" filename="/etc/passwd"/></bsdf>'),
@@ -355,6 +378,10 @@ PLY_FILES = {
     "empty": Hostile(mesh(b""), "is empty"),
     "no height": Hostile(mesh(ply().replace(b"float z", b"float w")), "no vertex property z"),
     "no list": Hostile(mesh(ply(listed="int vertex_indices")), "no face list"),
+    "two lists": Hostile(
+        mesh(ply(extra="property list uchar int vertex_index\n")),
+        "the face lists vertex_indices and vertex_index",
+    ),
     "list of fractions": Hostile(
         mesh(ply(listed="list uchar float vertex_indices")), "not of whole numbers"
     ),

@@ -8,12 +8,13 @@ from pathlib import Path
 
 CODE = """
 import json, sys
+import numpy as np
 from asmjax.errors import UseError
 from asmjax.render.load import load_scene
 for path in json.load(sys.stdin):
     try:
         scene = load_scene(path, "scalar_rgb")
-        assert scene.geometry.triangles >= 0
+        assert np.isfinite(scene.geometry.bounds).all() and scene.geometry.first_prim[-1] > 0
         end = "loaded"
     except UseError as problem:
         end = str(problem)

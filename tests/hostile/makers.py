@@ -5,13 +5,16 @@ Outside stand `secret.txt`, `mesh.ply` and `pipe`, a FIFO that would block whoev
 """
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import NamedTuple
 
 from hostile.building import BALL, mesh_scene, parts_scene, scene_xml, text_scene
 
 Maker = Callable[[Path, Path], Path]
+
+NO_FILES: Mapping[str, str | bytes] = MappingProxyType({})
 
 
 class Hostile(NamedTuple):
@@ -33,7 +36,7 @@ def parts(*given: str) -> Maker:
     )
 
 
-def with_files(files: dict[str, str | bytes], *given: str) -> Maker:
+def with_files(files: Mapping[str, str | bytes], *given: str) -> Maker:
     """As `parts`, with other files in the scene's folder."""
 
     def make(folder: Path, outside: Path) -> Path:
@@ -45,12 +48,16 @@ def with_files(files: dict[str, str | bytes], *given: str) -> Maker:
     return make
 
 
-def with_link(name: str, target: str, *given: str) -> Maker:
-    """As `parts`, with a symbolic link; OUTSIDE as there."""
+def with_link(
+    name: str, target: str, *given: str, files: Mapping[str, str | bytes] = NO_FILES
+) -> Maker:
+    """As `with_files`, with a symbolic link; OUTSIDE of its target as in `parts`."""
 
     def make(folder: Path, outside: Path) -> Path:
+        path = with_files(files, *given)(folder, outside)
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).symlink_to(target.replace("OUTSIDE", str(outside)))
-        return parts_scene(folder, *given)
+        return path
 
     return make
 
@@ -73,6 +80,12 @@ def mesh(content: bytes, kind: str = "ply") -> Maker:
 def scene_is_a_link(folder: Path, outside: Path) -> Path:
     (outside / "scene.xml").write_text(scene_xml(BALL))
     (folder / "scene.xml").symlink_to(outside / "scene.xml")
+    return folder / "scene.xml"
+
+
+def scene_is_a_link_to_plugins(folder: Path, outside: Path) -> Path:
+    (folder / "sub/plugins").mkdir(parents=True)
+    (folder / "scene.xml").symlink_to(text_scene(folder / "sub", scene_xml(BALL)))
     return folder / "scene.xml"
 
 

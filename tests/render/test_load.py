@@ -8,6 +8,7 @@ from asmjax.errors import UseError
 from asmjax.memory import Limit
 from asmjax.render.load import load_scene
 from asmjax.render.variant import activate
+from asmjax.scene.builtin import asked_triangles
 from asmjax.scene.spec import MAX_SIDE
 
 pytestmark = pytest.mark.mitsuba
@@ -219,3 +220,12 @@ def test_a_scene_of_any_size_is_refused_before_it_is_made(name, monkeypatch):
     monkeypatch.setattr("asmjax.render.load.load_builtin", pytest.fail)
     with pytest.raises(UseError, match=f"scene '{name}'"):
         load_scene(name, limit=Limit(2 * 10**7, 10**7, "test"))
+
+
+@pytest.mark.parametrize("size", ["0", "abc"])
+def test_no_size_of_a_scene_of_copies(size):
+    """Refused as that of any other scene, though its size takes no memory."""
+    with pytest.raises(UseError, match="triangles"):
+        asked_triangles(f"statues:{size}")
+    assert asked_triangles("statues:82m") == 0
+    assert asked_triangles("surface:10k") == 10_000
