@@ -254,11 +254,58 @@ def test_wrong_settings_are_refused(name):
 def test_what_has_no_texels_is_refused():
     """Less than a texel for each map, and filters of a mean."""
     eye, frame, rays = soft_case(8)
-    with pytest.raises(UseError, match="no texel for each of its maps"):
+    with pytest.raises(UseError, match="no texel for each face of each of its maps"):
         AccumulatedShadowMap(3, 4).build(eye, frame, rays)
     algorithm = AccumulatedShadowMap(8, 2)
     with pytest.raises(UseError, match="cannot be filtered"):
         algorithm.around(algorithm.build(eye, frame, rays), eye.points)
+
+
+class Drawn(Exception):
+    """The windows that a map asks for, in place of its texels."""
+
+
+class NoTexels(CountingRays):
+    """Rays that only tell how many texels are asked for: maps too large to draw in a test."""
+
+    def light_buffer(self, frame, windows):
+        raise Drawn(frame.faces, windows.texels)
+
+
+def test_no_sample_has_a_larger_map_than_there_are():
+    """A panel wider than the floor below it sees it all around, its corners on one face: of the
+    texels of five, more than a map may have a side. With one sample a map of all five is refused,
+    for the resolution that it was given."""
+    floor = [Rectangle("floor", (0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))]
+    area = rectangle_light((0, 0, 0.5), (2.5, 0, 0), (0, -2.5, 0))
+    light = LightSpec("panel", "point", (0, 0, 0.5), area=area)
+    view = ViewSpec("down", (0.3, -1.0, 7.0), (0.0, 0.0, 0.0), fov_x_deg=60, width=24, height=24)
+    eye = analytic_eye(floor, view)
+    frame = light_frame(light, eye, scene_bounds(floor))
+    assert frame.faces == 5
+    with pytest.raises(Drawn) as asked:
+        AccumulatedShadowMap(2**15, 2).build(eye, frame, NoTexels(AnalyticRays(floor)))
+    assert asked.value.args == (1, 2**30)
+    with pytest.raises(UseError, match="32768 texels a side for each of 5 light faces"):
+        AccumulatedShadowMap(2**15, 1).build(eye, frame, NoTexels(AnalyticRays(floor)))
+
+
+def test_maps_of_more_faces_than_the_light_stay_within_its_memory():
+    """At one texel a map those with four faces have none for each, at two they have."""
+    setup = CASES["light as large as its distance"].build(1.0)
+    assert isinstance(setup, Setup)
+    scene = setup.traced(SIDE)
+    few = AccumulatedShadowMap(4, 4)
+    with pytest.raises(UseError, match="one has 4 and the light's own frame 2;"):
+        few.build(scene.eye, scene.frame, scene.rays)
+    # What is asked before anything is built has nothing to refuse.
+    assert few.program(scene.frame) and AccumulatedShadowMap(3, 4).program(scene.frame)
+    algorithm = AccumulatedShadowMap(8, 4)
+    state = algorithm.build(scene.eye, scene.frame, scene.rays)
+    cost, faces = algorithm.cost(state), {one.frame.faces for one in state.maps}
+    assert 4 in faces and 16 <= cost.texels <= 2 * 8**2
+    assert cost.bytes <= algorithm.memory(scene.frame.faces).state.bytes
+    assert np.isfinite(algorithm.visibility(state, scene.eye.points)).all()
 
 
 def test_maps_are_kept_while_nothing_moves():

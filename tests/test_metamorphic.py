@@ -9,10 +9,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.analytic_cases import Case, analytic_case, permuted, random_rotation
+from helpers.analytic_cases import Case, permuted, random_rotation
 from helpers.effort import effort, examples
 from helpers.metamorphic import SIZED, SIZELESS, drawn, refitted, reordered, scaled, turned
 from helpers.registry import SIBLINGS, Sibling
+from helpers.traced_cases import traced_case
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -224,8 +225,10 @@ def test_a_leaf_beside_a_near_lamp_is_lit_in_any_unit(sibling):
     leaf = Disk("leaf", (0.02, 0.01, 0.0), (0.0, 0.0, 1.0), 0.02)
     ground = Rectangle("ground", (0.0, 0.0, -1.0), (9.0, 0.0, 0.0), (0.0, 9.0, 0.0))
     lamp = LightSpec("lamp", "point", position=(0.021, 0.012, 0.004))
-    case = refitted(replace(analytic_case("a1_square", SIDE), view=view), (leaf, ground), lamp)
+    case = traced_case((leaf, ground), view, lamp)
+    on_leaf = case.eye.shape == 0
+    assert on_leaf.sum() == 1 and (case.expected[on_leaf] == 1).all()
     answers = [answer(sibling, scaled(case, f))[2] for f in (2.0**-20, 1.0, 2.0**20)]
     for lit in answers:
         np.testing.assert_array_equal(lit, answers[1])
-    assert answers[1][case.eye.shape == 0].all()
+    assert answers[1][on_leaf].all()

@@ -34,10 +34,15 @@ STEP = 1e-6
 """Of central differences, scene units."""
 
 
-@functools.cache
 def built(name: str):
-    """The algorithm, its state, and what the view sees: a plate above a floor, under a square light
-    of half side 0.3 or the point in its middle."""
+    """The algorithm, its state, and what the view sees, in JAX's current precision: a plate above a
+    floor, under a square light of half side 0.3 or the point in its middle."""
+    return _cached(name, jnp.zeros(()).dtype.name)
+
+
+@functools.cache
+def _cached(name: str, precision: str):
+    del precision  # only tells cached states apart
     area = square_light(0.3).at(PLACE) if name in SOFT else None
     light = LightSpec("lamp", "point", position=PLACE, area=area)
     eye = analytic_eye((FLOOR, PLATE), VIEW)
@@ -47,25 +52,21 @@ def built(name: str):
 
 
 def lit_at(algorithm: ShadowAlgorithm, state, points, position):
-    """Visibility of the same points elsewhere; normals in the precision of their places."""
-    moved = eqx.tree_at(
-        lambda p: (p.position, p.normal),
-        points,
-        (position, jnp.asarray(points.normal, position.dtype)),
-    )
-    return algorithm.visibility(state, moved)
+    """Visibility of the same points elsewhere."""
+    return algorithm.visibility(state, eqx.tree_at(lambda p: p.position, points, position))
 
 
 def slopes(name: str, dtype) -> tuple[np.ndarray, np.ndarray]:
     """Gradient (3, n) of the mean to all places, times their number, and visibility (n,)."""
     algorithm, state, points = built(name)
+    assert points.position.dtype == points.normal.dtype == dtype, "of this precision itself"
 
     def total(position):
         lit = lit_at(algorithm, state, points, position)
         return lit.mean(), lit
 
-    gradient, lit = jax.grad(total, has_aux=True)(jnp.asarray(points.position, dtype))
-    assert gradient.dtype == dtype
+    gradient, lit = jax.grad(total, has_aux=True)(points.position)
+    assert gradient.dtype == lit.dtype == dtype
     return np.asarray(gradient, np.float64) * points.count, np.asarray(lit)
 
 

@@ -162,7 +162,11 @@ class AreaLight(eqx.Module):
 
 
 def stratified(m: int) -> np.ndarray:
-    """The centres (2, m * m) float64 of an m x m grid of cells of the unit square, row by row."""
+    """The centres (2, m * m) float64 of an m x m grid of cells of the unit square, row by row.
+
+    Raises:
+        UseError: `m` is less than 1.
+    """
     require(m >= 1, f"{m} x {m} samples of a light are not possible; allowed: 1 or more a side.")
     at = (np.arange(m) + 0.5) / m
     return np.stack([np.tile(at, m), np.repeat(at, m)])
@@ -181,18 +185,41 @@ def concentric(square: np.ndarray) -> np.ndarray:
 
 
 def rectangle_light(centre, half_u, half_v) -> AreaLight:
-    """`centre + a half_u + b half_v`, |a|, |b| <= 1, world; emits along half_u x half_v."""
+    """`centre + a half_u + b half_v`, |a|, |b| <= 1; emits along half_u x half_v.
+
+    Args:
+        centre, half_u, half_v: (3,) world, scene units.
+
+    Raises:
+        UseError: one is no vector of three finite numbers, or the half axes span no area.
+    """
     return _flat("rectangle", centre, half_u, half_v)
 
 
 def disk_light(centre, half_u, half_v) -> AreaLight:
     """As `rectangle_light` with a^2 + b^2 <= 1: half axes of one length and at right angles are a
-    disk, others an ellipse."""
+    disk, others an ellipse.
+
+    Args:
+        centre, half_u, half_v: (3,) world, scene units.
+
+    Raises:
+        UseError: as `rectangle_light`.
+    """
     return _flat("disk", centre, half_u, half_v)
 
 
 def sphere_light(centre, radius: float) -> AreaLight:
-    """A sphere, world, scene units."""
+    """A sphere.
+
+    Args:
+        centre: (3,) world, scene units.
+        radius: scene units.
+
+    Raises:
+        UseError: the centre is no vector of three finite numbers, or the radius is not finite or
+            not above 0.
+    """
     require(
         bool(np.isfinite(radius) and radius > 0),
         f"a spherical light of radius {radius} is not possible; allowed: finite and more than 0: "
@@ -203,8 +230,16 @@ def sphere_light(centre, radius: float) -> AreaLight:
 
 
 def sun_light(direction, angle: float) -> AreaLight:
-    """Light that travels along `direction` (world, any length) and those around it, from a disk of
-    the angular diameter `angle`, radians."""
+    """Light that travels along `direction` and those around it, from a disk.
+
+    Args:
+        direction: (3,) world, of any length.
+        angle: angular diameter of the disk, radians.
+
+    Raises:
+        UseError: the angle is not above 0 or wider than `WIDEST_SUN_DEG`, or the direction is zero
+            or not finite.
+    """
     require(
         bool(0 < angle <= np.radians(WIDEST_SUN_DEG)),
         f"a sun of {np.degrees(angle):g} degrees across is not possible; allowed: more than 0 and "

@@ -100,11 +100,14 @@ def scaled(case: Case, factor: float) -> Case:
                 lambda a: (a.centre, a.half_u, a.half_v), area, tuple(v * factor for v in lengths)
             )
         light = replace(light, position=times(light.position), area=area)
-    return refitted(replace(case, view=view), tuple(map(shape, case.shapes)), light)
+    other = replace(case, view=view, edge_distance=case.edge_distance * factor)
+    return refitted(other, tuple(map(shape, case.shapes)), light)
 
 
 def refitted(case: Case, shapes: tuple[Shape, ...], light: LightSpec) -> Case:
-    """The case's view of other shapes under another light, with a frame of its own."""
+    """The case with its shapes and light given otherwise, under a frame fitted anew. Truth is taken
+    over: both must be where they were, in the units and the place of the case's view. Other scenes
+    are cases of their own (`traced_case`)."""
     eye = analytic_eye(shapes, case.view)
     frame = light_frame(light, eye, scene_bounds(shapes))
     return replace(

@@ -24,6 +24,9 @@ from asmjax.shadow.uniform import LARGEST, FlatNeighbourhood, UniformShadowMap, 
 MOST_SAMPLES = 64
 """Samples of a light a side."""
 
+MOST_TEXELS = 2**31 - 1
+"""Of all faces of one map (`UniformShadowMap.build`)."""
+
 
 class AccumulatedState(eqx.Module):
     """A flat map for each sample of the light; one for a light without a size.
@@ -92,23 +95,33 @@ class AccumulatedShadowMap(ShadowAlgorithm[AccumulatedState]):
         kept = "-kept" if self.keep else ""
         return f"accumulated-{self.resolution}-{self.samples}x{self.samples}{suffix}{kept}"
 
+    def _side(self, frame: LightFrame, sample: LightFrame) -> int:
+        """Texels a side of a sample's map: the more faces, the fewer on each; 0 where its share of
+        all texels has none for each face."""
+        side = self.resolution // (1 if frame.area is None else self.samples)
+        if sample.faces == frame.faces:
+            return side
+        # With few faces a share may be more than a map can have: nobody asked for one so large.
+        most = min(LARGEST, isqrt(MOST_TEXELS // sample.faces))
+        return min(isqrt(side**2 * frame.faces // sample.faces), most)
+
     def _flat(self, frame: LightFrame, sample: LightFrame | None = None) -> UniformShadowMap:
-        """The settings of the map of a sample, or of one with the faces of the light's own frame:
-        the more faces, the fewer texels on each."""
-        maps = 1 if frame.area is None else self.samples
-        side = self.resolution // maps
-        if sample is not None and sample.faces != frame.faces:
-            side = max(isqrt(side**2 * frame.faces // sample.faces), 1)
+        """The settings of a sample's map, or of one with the faces of the light's own frame."""
+        # What has no texel is refused by `build`, which says why.
+        side = max(self._side(frame, frame if sample is None else sample), 1)
         return UniformShadowMap(side, compare=self.compare, bias=self.bias)
 
     def build(self, view: EyeBuffer, frame: LightFrame, rays: LightRays) -> AccumulatedState:
-        require(
-            frame.area is None or self.resolution >= self.samples,
-            f"{self.name} has no texel for each of its maps; allowed: at least as many texels a "
-            "side as samples: raise the resolution.",
-        )
         start = time.perf_counter()
         frames = sample_frames(frame, view, self.samples)
+        most = max(one.faces for one in frames)
+        require(
+            min(self._side(frame, one) for one in frames) > 0,
+            f"{self.name} has no texel for each face of each of its maps, of which one has {most} "
+            f"and the light's own frame {frame.faces}; allowed: at least as many texels a side as "
+            "samples, and more where a map has more faces than the light's own frame: raise the "
+            "resolution.",
+        )
         analysis = time.perf_counter() - start
         maps = tuple(self._flat(frame, one).build(view, one, rays) for one in frames)
         return AccumulatedState(frame, maps, analysis)

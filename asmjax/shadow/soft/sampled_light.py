@@ -8,6 +8,7 @@ of a cube, receivers go from one to another as the sample moves: each sample has
 """
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -41,16 +42,14 @@ def sample_frames(frame: LightFrame, view: EyeBuffer, samples: int) -> list[Ligh
     point = replace(frame, area=None)
     world = view.world[:, view.valid]
     towards = world.mean(axis=1) if world.size else None
-    offsets = _offsets(frame, area, towards, samples).T
     if frame.faces > 1:
-        lit = world[:, area.emits_towards(world)]
-        return [_around(point, offset, lit) if offset.any() else point for offset in offsets]
-    depths = [_depths(frame, face, world) for face in range(frame.faces)]
-    from_there = _from_point if frame.perspective else _along_direction
-    return [
-        from_there(point, offset, depths, area.radius) if offset.any() else point
-        for offset in offsets
-    ]
+        from_there = partial(_around, receivers=world[:, area.emits_towards(world)])
+    elif frame.perspective:
+        from_there = partial(_from_point, seen=_depths(frame, world), radius=area.radius)
+    else:
+        from_there = partial(_along_direction, seen=_depths(frame, world))
+    offsets = _offsets(frame, area, towards, samples).T
+    return [from_there(point, offset) if offset.any() else point for offset in offsets]
 
 
 def _offsets(frame: LightFrame, area: AreaLight, towards, samples: int) -> np.ndarray:
@@ -65,22 +64,22 @@ def _offsets(frame: LightFrame, area: AreaLight, towards, samples: int) -> np.nd
 
 
 Depths = tuple[float, float] | None
-"""Of the nearest and the farthest receiver on a face; None where none is seen."""
+"""Of the nearest and the farthest receiver that a light's one face holds; None if it holds none."""
 
 
-def _depths(frame: LightFrame, face: int, world: np.ndarray) -> Depths:
-    x, y, depth = frame.rotation[face] @ (world - frame.origin[:, None])
+def _depths(frame: LightFrame, world: np.ndarray) -> Depths:
+    x, y, depth = frame.rotation[0] @ (world - frame.origin[:, None])
     in_front = depth > frame.near
     scale = np.where(in_front, depth, 1.0) if frame.perspective else 1.0
-    low, high = frame.corner[face], frame.corner[face] + frame.extent[face]
+    low, high = frame.corner[0], frame.corner[0] + frame.extent[0]
     held = in_front & (x / scale >= low[0]) & (x / scale < high[0])
     held &= (y / scale >= low[1]) & (y / scale < high[1])
     return (float(depth[held].min()), float(depth[held].max())) if held.any() else None
 
 
-def _outline(frame: LightFrame, face: int) -> np.ndarray:
-    """Plane coordinates (2, 4) of the corners of a face's rectangle."""
-    (x, y), (wide, high) = frame.corner[face], frame.extent[face]
+def _outline(frame: LightFrame) -> np.ndarray:
+    """Plane coordinates (2, 4) of the corners of the one face's rectangle."""
+    (x, y), (wide, high) = frame.corner[0], frame.extent[0]
     return np.array([[x, x + wide, x, x + wide], [y, y, y + high, y + high]])
 
 
@@ -101,29 +100,22 @@ def _around(point: LightFrame, offset: np.ndarray, receivers: np.ndarray) -> Lig
     )
 
 
-def _from_point(
-    point: LightFrame, offset: np.ndarray, depths: list[Depths], radius: float
-) -> LightFrame:
-    corner, extent = point.corner.copy(), point.extent.copy()
-    for face, seen in enumerate(depths):
-        # What no receiver is seen on may stay as it is.
-        if seen is None:
-            continue
-        near = max((1 - DEPTH_MARGIN) * seen[0], NEAREST * radius)
-        far = max((1 + DEPTH_MARGIN) * seen[1], near)
-        right, down, ahead = point.rotation[face] @ offset
-        ends = [
-            (_outline(point, face) * depth - [[right], [down]]) / (depth - ahead)
-            for depth in (near, far)
-        ]
-        both = np.concatenate(ends, axis=1)
-        corner[face], extent[face] = both.min(axis=1), np.ptp(both, axis=1)
-    return replace(point, origin=point.origin + offset, corner=corner, extent=extent)
+def _from_point(point: LightFrame, offset: np.ndarray, seen: Depths, radius: float) -> LightFrame:
+    origin = point.origin + offset
+    if seen is None:
+        return replace(point, origin=origin)
+    near = max((1 - DEPTH_MARGIN) * seen[0], NEAREST * radius)
+    far = max((1 + DEPTH_MARGIN) * seen[1], near)
+    right, down, ahead = point.rotation[0] @ offset
+    ends = [
+        (_outline(point) * depth - [[right], [down]]) / (depth - ahead) for depth in (near, far)
+    ]
+    both = np.concatenate(ends, axis=1)
+    corner, extent = both.min(axis=1), np.ptp(both, axis=1)
+    return replace(point, origin=origin, corner=corner[None], extent=extent[None])
 
 
-def _along_direction(
-    point: LightFrame, offset: np.ndarray, depths: list[Depths], radius: float
-) -> LightFrame:
+def _along_direction(point: LightFrame, offset: np.ndarray, seen: Depths) -> LightFrame:
     """Depth counts from a plane in front of all that stands behind the light's own plane and may
     shade a receiver along the sample's direction."""
     e_u, e_v, e_w = point.rotation[0]
@@ -131,10 +123,10 @@ def _along_direction(
     across = unit(e_u - (e_u @ ahead) * ahead)
     rotation = np.stack([across, np.cross(ahead, across), ahead])
     least = LEAST_RANGE * float(point.extent.max())
-    near, far = depths[0] or (0.0, 0.0)
+    near, far = seen or (0.0, 0.0)
     more = max(DEPTH_MARGIN * (far - near), least)
     near, far = max(near - more, 0.0), far + more
-    x, y = _outline(point, 0)
+    x, y = _outline(point)
     box = np.concatenate([
         e_u[:, None] * x + e_v[:, None] * y + e_w[:, None] * depth for depth in (near, far)
     ], axis=1)  # fmt: skip
