@@ -17,8 +17,9 @@ from helpers.poses import projected
 
 from asmjax.hard_cases import CASES, SIDE, Setup, families_of, measure
 from asmjax.hard_cases.explain import explained
+from asmjax.hard_cases.judge import judged_soft
 from asmjax.hard_cases.lights import SHAPES, SUN, VIEW
-from asmjax.hard_cases.measure import SOFT_TEXELS, TEXELS, _judged_soft, algorithm_for
+from asmjax.hard_cases.measure import SOFT_TEXELS, TEXELS, _verdict, algorithm_for
 from asmjax.shadow import FILTERS, MAPS, SOFT, MomentShadowMap, Status
 from asmjax.shadow.soft import PCSSShadowMap
 
@@ -174,12 +175,10 @@ def test_a_soft_shadow_that_is_missing_is_silent_unless_it_is_announced():
     scene = _scene(case, 1.0)
     for says, verdict in ((Status.COMPLETE, "silent"), (Status.MARGIN_LIMIT, "announced")):
         lit = _Lit(resolution=128, says=says)
-        state = lit.build(scene.eye, scene.frame, scene.rays)
-        record = _judged_soft(case, 1.0, "float32", "pcss", scene, lit, state)
-        assert record.verdict == verdict and record.error == pytest.approx(
-            1 - scene.expected[scene.judged].mean()
-        )
-    assert record.wrong == pytest.approx((scene.expected[scene.judged] <= 0.5).mean())
+        found = judged_soft(scene, lit, lit.build(scene.eye, scene.frame, scene.rays))
+        assert _verdict(found.error, found.silent, case.bound.float32, found.how)[0] == verdict
+        assert found.error == pytest.approx(1 - scene.expected[scene.judged].mean())
+    assert found.wrong == pytest.approx((scene.expected[scene.judged] <= 0.5).mean())
 
 
 SOFT_CASES = [case for case in SCENES if case.is_soft]

@@ -11,21 +11,17 @@ from typing import Literal
 import jax
 import numpy as np
 
-from asmjax.buffers.receivers import GRAZING
 from asmjax.errors import UseError, unknown_name
 from asmjax.hard_cases.case import HardCase, Kernel
-from asmjax.hard_cases.explain import explained, projected
-from asmjax.hard_cases.scene import Scene, Setup
+from asmjax.hard_cases.judge import judged, judged_soft
+from asmjax.hard_cases.scene import Setup
 from asmjax.shadow import (
     FILTERS,
     MAPS,
     SOFT,
-    AccumulatedShadowMap,
     AdaptiveShadowMap,
     CostModel,
-    MomentShadowMap,
     ShadowAlgorithm,
-    Status,
     of_resolution,
 )
 from asmjax.shadow.comparison import texel_bytes
@@ -46,13 +42,6 @@ SOFT_TEXELS = 4**9
 
 _COSTS = CostModel(a_seconds_per_texel=1e-8, b_seconds=1e-5, residual=0.0)
 """Calibrated ones would make the order of refinement depend on the machine's load."""
-
-_CONTACT = 5.0
-"""A moment map forgives a whole texel on the receiver's slope, where a test forgives a fifth: what
-is asked about is the nearest point of the receiver's plane in the window."""
-
-_LARGEST_DENSITY = 2.0**50
-"""Texels per image side that a map may claim to have."""
 
 
 @dataclass(frozen=True)
@@ -153,82 +142,19 @@ def _scene(
         except UseError as problem:
             yield _refused(case, family, precision, severity, problem)
             continue
-        judged = _judged_soft if scene.is_soft else _judged
-        yield judged(case, severity, precision, family, scene, algorithm, state)
+        found = (judged_soft if scene.is_soft else judged)(scene, algorithm, state)
+        verdict, how = _verdict(found.error, found.silent, case.bound.of(precision), found.how)
+        yield Measured(
+            case.name, family, precision, severity, found.error, None, found.wrong, found.silent,
+            verdict, how,
+        )  # fmt: skip
 
 
-def _judged(
-    case: HardCase,
-    severity: float,
-    precision: Precision,
-    family: str,
-    scene: Scene,
-    algorithm: ShadowAlgorithm,
-    state,
-) -> Measured:
-    points = scene.eye.points
-    visibility = np.asarray(algorithm.visibility(state, points))
-    density = np.asarray(algorithm.density(state, points), np.float64)
-    answers = (
-        ((visibility >= 0) & (visibility <= 1))
-        if family in FILTERS
-        else (np.isin(visibility, (0.0, 1.0)))
-    )
-    sound = answers.all() and (np.abs(density) < _LARGEST_DENSITY).all()
-    count = max(int(scene.judged.sum()), 1)
-    why = explained(scene, algorithm, state, visibility)
-    wrong, silent, stated = (float(part.sum()) / count for part in (why.wrong, why.silent,
-                                                                     why.stated))  # fmt: skip
-    if not sound:
-        silent = math.inf
-    error, bound = silent + stated, case.bound.of(precision)
+def _verdict(error: float, silent: float, bound: float, how: str) -> tuple[Verdict, str]:
+    """The verdict, and what announced it."""
     if error <= bound:
-        verdict, how = "stable", ""
-    elif silent <= bound:
-        verdict, how = "announced", "marked, or nearer than the stated bias"
-    else:
-        verdict, how = "silent", ""
-    return Measured(
-        case.name, family, precision, severity, error, None, wrong, silent, verdict, how
-    )
-
-
-def _judged_soft(
-    case: HardCase,
-    severity: float,
-    precision: Precision,
-    family: str,
-    scene: Scene,
-    algorithm: ShadowAlgorithm,
-    state,
-) -> Measured:
-    """Announced are a status; pixels that are marked, nearly along the light's middle; those turned
-    away from it, where only accumulated shadows ask what the rest of the light does; and umbrae of
-    casters that are nearer than the stated bias."""
-    visibility = np.asarray(algorithm.visibility(state, scene.eye.points), np.float64)
-    count = max(int(scene.judged.sum()), 1)
-    off = np.where(scene.judged, np.abs(visibility - scene.expected), 0.0)
-    receivers = projected(scene)
-    marked = np.asarray(receivers.secant) >= 0.999 / GRAZING
-    if not isinstance(algorithm, AccumulatedShadowMap):
-        marked |= ~np.asarray(receivers.facing)
-    slack = _CONTACT if isinstance(algorithm, MomentShadowMap) else 1.0
-    marked |= explained(scene, algorithm, state, visibility, slack).stated
-    status = algorithm.status(state)
-    error, silent = float(off.sum()) / count, float(off[~marked].sum()) / count
-    if status is not Status.COMPLETE:
-        silent = 0.0
-    if not ((visibility >= 0) & (visibility <= 1)).all():
-        error = silent = math.inf
-    verdict, how = "stable", ""
-    if error > case.bound.of(precision):
-        announced = silent <= case.bound.of(precision)
-        verdict = "announced" if announced else "silent"
-        how = (f"status {status.name}" if status is not Status.COMPLETE else "marked") * announced
-    return Measured(
-        case.name, family, precision, severity, error, None,
-        float(scene.wrong(visibility).sum()) / count, silent, verdict, how,
-    )  # fmt: skip
+        return "stable", ""
+    return ("announced", how) if silent <= bound else ("silent", "")
 
 
 # Kernels.

@@ -1,5 +1,5 @@
-"""Scene cases: lights that have a size. Every filter and soft map is asked, beside 256 shadow rays
-a pixel to points all over the light.
+"""Scene cases: lights that have a size. Every soft map is asked, beside 256 shadow rays a pixel to
+points all over the light.
 """
 
 from collections.abc import Callable
@@ -65,8 +65,7 @@ def _at_the_light(severity: float) -> Setup:
 
 def _on_the_receiver(severity: float) -> Setup:
     """A cover over half of the ground, `1 / severity` above it, cut open for the eye."""
-    hard = thin_gap(severity)
-    return replace(hard, light=_sun_of(SUN, 3.0))
+    return replace(thin_gap(severity), light=_sun_of(SUN, 3.0))
 
 
 def _horizon(severity: float) -> Setup:
